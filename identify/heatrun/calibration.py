@@ -230,7 +230,7 @@ def calibrate(
         return _Fitted(found, asked, screened, attempts)
 
     fits = at_once(fitted_one, models)
-    least = fits[-1].fit
+    last = fits[-1].fit
 
     def one(model: Model, of: _Fitted) -> _Outcome:
         name = model.name
@@ -243,8 +243,8 @@ def calibrate(
             work.at((name, "sample"), f"{model.title}: {sentence}", 0.9 * share)
 
         begun = time.monotonic()
-        behind = least.log_evidence - found.log_evidence
-        if behind > REFUSED and _of_same_readings(found, least):
+        behind = last.log_evidence - found.log_evidence
+        if behind > REFUSED and _of_same_readings(found, last):
             posterior = normal_draws(found, seed=seed, behind=behind)
         else:
             posterior = _sampled(found, screened, settings, folder, report, attempts)
@@ -286,7 +286,6 @@ def calibrate(
     posteriors = {name: outcome.posterior for name, outcome in outcomes.items()}
     predictions = {name: outcome.predictions for name, outcome in outcomes.items()}
     findings += [finding for outcome in outcomes.values() for finding in outcome.findings]
-    last = posteriors[names[-1]].fit
     attempts = Attempts()
     rows, found = describe_tests(last, tests, motor, attempts, work)
     work.done("reduction")

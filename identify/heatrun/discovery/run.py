@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ..effects.engine import Engine, Refit
-from ..effects.found import Found, with_effects
+from ..effects.found import Found
 from ..effects.missing import Missing
 from ..effects.search import gap, plain_noise
 from ..fit.fit import low_frequency_excess
@@ -352,7 +352,7 @@ def tell(
     left = search.without_heat(none), search.without_heat(core)
     engine = search.engine
     bare = asked.fits[0].problem.model
-    full = with_effects(bare, [each.kind for each in core.effects])
+    full = bare.extended(each.kind for each in core.effects)
     closed = gap(engine.rms_K(left[0].residual), engine.rms_K(left[1].residual))
     before, after = adequacy(engine, left[0]), adequacy(engine, left[1], closed)
     where_before = localise(engine, left[0], bare)

@@ -55,16 +55,7 @@ def with_catalogue(
         num_events=len(tests),
     )
     usable = replace(usable, unavailable={**usable.unavailable, **blocked})
-    return usable, with_effects(model, usable.kinds)
-
-
-def with_effects(model: Model, kinds: Sequence[type[AbstractEffect]]) -> Model:
-    """Return a model with further effects, in the order of the catalogue."""
-    order = {kind: number for number, kind in enumerate(all_effects())}
-    joined = sorted(
-        dict.fromkeys([*model.effects, *kinds]), key=lambda kind: order.get(kind, len(order))
-    )
-    return replace(model, effects=tuple(joined))
+    return usable, model.extended(usable.kinds)
 
 
 NUM_DRAWS = 4000
@@ -279,7 +270,7 @@ def as_fit(search: Search, member: Member, model: Model) -> Fit:
         model: The network without the effects.
     """
     full = search.engine.problem
-    chosen = with_effects(model, [each.kind for each in member.effects])
+    chosen = model.extended(each.kind for each in member.effects)
     problem = Problem.of(chosen, full.motor, full.tests)
     owner = {each.id: each.test for each in member.effects}
     by_test = [

@@ -131,8 +131,10 @@ class Linear:
         jobs = []
         for each, places in self.own.items():
             is_there = each in self.centre.effects
-            known = [tried[each]] if each in tried else self._starts(places)
-            scores[each] = [np.full(len(places), np.nan)] if is_there else known
+            if is_there:
+                scores[each] = [np.full(len(places), np.nan)]
+            else:
+                scores[each] = [tried[each]] if each in tried else self._starts(places)
             for at in scores[each]:
                 z = self.centre.z.copy()
                 z[list(places)] = at

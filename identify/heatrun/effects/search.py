@@ -154,7 +154,7 @@ class Search:
         free = self.free(effects)
         z = self.placed(z, effects)
         noise = white(ROUGH_K) if noise_z is None else from_scores(noise_z)
-        evidence = -np.inf
+        evidence, is_far, found = -np.inf, False, None
         for _ in range(NUM_SETTLED):
             found = self.engine.refit(z, free, noise, most=MOST_EVALUATIONS)
             z, before = found.z, noise_z
@@ -163,17 +163,18 @@ class Search:
             noise_z = estimate_noise(self.engine.problem, *linear, start=before)
             noise = from_scores(noise_z)
             if before is not None and np.max(np.abs(noise_z - before)) < SETTLED:
-                found = self.engine.refit(z, free, noise, most=MOST_EVALUATIONS)
                 break
-            reached = log_evidence(self.engine.problem, noise_z, *linear)
-            gained, evidence = reached - evidence, reached
-            if rival is not None and rival.log_evidence - evidence > HOPELESS * gained:
-                break
-        else:
-            found = self.engine.refit(z, free, noise, most=MOST_EVALUATIONS)
+            if rival is not None:
+                reached = log_evidence(self.engine.problem, noise_z, *linear)
+                gained, evidence = reached - evidence, reached
+                if is_far := rival.log_evidence - evidence > HOPELESS * gained:
+                    break
+        assert found is not None
         assert noise_z is not None
-        linear = found.z[list(free)], found.residual, found.jacobian
-        evidence = log_evidence(self.engine.problem, noise_z, *linear)
+        if not is_far:
+            found = self.engine.refit(z, free, noise, most=MOST_EVALUATIONS)
+            linear = found.z[list(free)], found.residual, found.jacobian
+            evidence = log_evidence(self.engine.problem, noise_z, *linear)
         member = Member(
             effects, free, found.z, noise_z, found.residual, found.jacobian, evidence,
             evidence + self.log_odds(effects),

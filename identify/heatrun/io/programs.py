@@ -44,7 +44,7 @@ COUNTS: Counter[str] = Counter()
 `nameless`, which no text stands for, and `unwritable`, which JAX cannot write out."""
 
 OPTIONS = {"xla_backend_optimization_level": 1}
-"""Of the compiler: a third less of its time than at level 2, and programs that run as fast."""
+"""Of the compiler: a fifth less of its time than by default, and programs that run as fast."""
 
 UNKEPT: set[str] = set()
 """Why programs could not be written."""

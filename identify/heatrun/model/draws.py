@@ -20,7 +20,7 @@ from lptn.effects import AbstractEffect
 from ..record.blocks import Blocks
 from ..record.motor import Motor
 from . import noise as noise_module
-from .catalogue import all_effects, lacking
+from .catalogue import lacking
 from .courses import Courses, courses
 from .loggers import Loggers
 from .model import Model
@@ -157,10 +157,8 @@ class PlausibleEffects:
         ]
         if not used:
             return course
-        # all that the test allows, in one order: another test takes the same program
-        allowed = {each.kind for each in self.effects if not lacking(each.kind, test)}
-        kinds = [kind for kind in all_effects() if kind in allowed]
-        kinds += [kind for kind in allowed if kind not in kinds]
+        # all that the test allows: another test takes the same program
+        kinds = [each.kind for each in self.effects if not lacking(each.kind, test)]
         shift = _differences(model, motor, test, [self.effects[index] for index in used], kinds)
         size = self.size[:, used]
 
@@ -234,7 +232,7 @@ def _differences(
         effects: The effects.
         kinds: What the network is extended by: theirs, and others that do nothing here.
     """
-    extended = replace(model, effects=(*model.effects, *kinds))
+    extended = model.extended(kinds)
     known = parameters(extended, motor, [test], searched=kinds).by_test[0]
     rows = []
     for effect in effects:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
@@ -12,6 +12,7 @@ from ..record.channels import body_name
 from ..record.motor import Adequacy, Motor
 from .bodies import BODY_PARTS, OWN, own_name, own_or_shared
 from .catalogue import (
+    all_effects,
     effects_named,
     refuse_lacking,
     refuse_unmeasured_current,
@@ -96,6 +97,13 @@ class Model:
             effects=(*own, *(kind for kind in effects if kind not in own)),
             adequacy=motor.adequacy,
         )
+
+    def extended(self, kinds: Iterable[type[AbstractEffect]]) -> Model:
+        """Return the model with further effects, all in the order of the catalogue."""
+        order = {kind: number for number, kind in enumerate(all_effects())}
+        joined = dict.fromkeys([*self.effects, *kinds])
+        in_order = sorted(joined, key=lambda kind: order.get(kind, len(order)))
+        return replace(self, effects=tuple(in_order))
 
     def scaled(self, motor: Motor, tests: Sequence[Blocks]) -> Model:
         """Return the model with default priors of its network that suit the tests.

@@ -152,7 +152,7 @@ class Rto:
         """Return where s is as wanted, and what is seen there; not a number where it is nowhere.
 
         Newton's steps, made shorter as long as they lead farther away. They need the slope, which
-        costs twenty times as much as s alone, so they begin where steps without it end: after
+        costs ten times as much as s alone, so they begin where steps without it end: after
         those, few are left.
         """
         z, share = self._neared(z, noise_z, wanted, factor), np.ones(len(z))
