@@ -36,7 +36,7 @@ from .readers.joined import read_tests
 from .record.blocks import Blocks
 from .record.motor import Motor
 from .record.record import Finding, Record
-from .record.reduction import reduce
+from .record.reduction import reduce, with_scales
 from .results.model import DescribedTest, FitResult, FittedModel
 from .results.values import Role
 from .runs.result import assemble, describe_model, describe_test
@@ -120,7 +120,13 @@ def load_tests(
     findings = [finding for _, _, found in checked for finding in found]
     if any(finding.severity == "error" for finding in findings):
         raise Refused(findings)
+    motor = with_scales(motor, [record for record, role in records if role == "calibration"])
     return tuple(BenchTest(r, _reduced(r, motor, role), role, f) for r, role, f in checked)
+
+
+def with_scales_of(tests: Sequence[BenchTest], motor: Motor) -> Motor:
+    """Return the motor with what its effects are scaled with in the tests that are fitted."""
+    return with_scales(motor, [test.record for test in tests if test.role == "calibration"])
 
 
 def _reduced(record: Record, motor: Motor, role: str) -> Blocks:
@@ -183,6 +189,7 @@ def calibrate(
         InputError: If something that the model needs is not given.
     """
     kinds, seed, is_plain = settings.kinds, settings.seed, settings.is_plain
+    motor = with_scales_of(tests, motor)
     fitted = [test.blocks for test in tests if test.role == "calibration"]
     predicted_only = [test.blocks for test in tests if test.role != "calibration"]
     findings = [finding for test in tests for finding in test.findings]

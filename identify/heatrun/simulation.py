@@ -203,6 +203,8 @@ class ByHand:
         Raises:
             InputError: If the record lacks a channel, or the motor file a parameter.
         """
+        if run is not None:
+            motor = replace(motor, scales=run.motor.scales)
         test = reduce_driven(record, motor)
         if run is not None:
             return cls._of(run.draws(), test, run.fitted_as(record))

@@ -9,7 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from heatrun.calibration import BenchTest, Refused, load_tests, refuse_unplaced_bodies
+from heatrun.calibration import (
+    BenchTest,
+    Refused,
+    load_tests,
+    refuse_unplaced_bodies,
+    with_scales_of,
+)
 from heatrun.checks import current_scale_unchecked
 from heatrun.errors import InputError
 from heatrun.fit.fit_result import RESULT, Fit
@@ -155,6 +161,7 @@ def _prepared(entry: Entry, batch: Batch, inputs: tuple[Row, ...]) -> Prepared:
     fits, predicted = ([resolved(test, batch.folder) for test in tests]
                        for tests in (entry.tests, entry.holdout))  # fmt: skip
     tests = load_tests(motor, fits, predicted)
+    motor = with_scales_of(tests, motor)
     planned = {each["sha256"] for each in inputs}
     for source in (source for test in tests for source in test.record.sources):
         if source.sha256 not in planned:

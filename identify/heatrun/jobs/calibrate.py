@@ -102,7 +102,7 @@ def calibrate_into(
         with folder.dropped_if_refused():
             found = calibrate(motor, tests, settings, folder=folder, work=work)
         work.at("writing", "writing the run")
-        run = write_run(folder, motor, found.result, found.posteriors, found.predictions)
+        run = write_run(folder, found.motor, found.result, found.posteriors, found.predictions)
         work.at("writing", "writing the sheet", 0.5)
         found = replace(found, result=with_sheet(run, folder))
         written = folder.finish(manifest(found, settings))

@@ -136,7 +136,9 @@ def _written(
         verdict=replace(calibration.result.verdict, sentence=found.verdict.sentence),
     )
     calibration = replace(calibration, result=whole)
-    run = write_run(folder, motor, whole, calibration.posteriors, calibration.predictions)
+    run = write_run(
+        folder, calibration.motor, whole, calibration.posteriors, calibration.predictions
+    )
     work.at("writing", "writing the sheet", 0.6)
     calibration = replace(calibration, result=with_sheet(run, folder))
     path = folder.finish(manifest(calibration, settings))

@@ -33,6 +33,7 @@ from ..record.motor import (
     Motor,
     ParameterOverride,
     PartsOfTest,
+    Scales,
     ShutDown,
 )
 from ..record.stretch import Stretch, in_order, parse_time
@@ -408,6 +409,7 @@ KEYS: dict[str, tuple[str, ...]] = {
     "adequacy": ("unmodelled_heat", "heat_time_s"),
     "population": ("run",),
     "shutdown": tuple(one.name for one in fields(ShutDown)),
+    "scales": tuple(one.name for one in fields(Scales)),
 }
 """Sections with a fixed set of keys; `[columns]` and `[parameters.NAME]` have their own."""
 
@@ -439,7 +441,7 @@ def load_motor(path: str | Path) -> Motor:
     Args:
         path: A TOML file with `[motor]` and optionally `[winding]`, `[vehicle]`, `[columns]`,
             `[constants]`, `[sensors]`, `[model]`, `[adequacy]`, `[population]`, `[shutdown]`,
-            `[tests.NAME]`, `[certificate]` and `[parameters.NAME]`.
+            `[scales]`, `[tests.NAME]`, `[certificate]` and `[parameters.NAME]`.
 
     Raises:
         InputError: If the file cannot be read, has a section or key that is not known (with the
@@ -465,7 +467,9 @@ def parse_motor(data: bytes, where: str) -> Motor:
     sections = {name: _section(content, name, where) for name in KEYS}
     for name, keys in KEYS.items():
         check_keys(sections[name], keys, f"{where}, [{name}]", "key")
-    motor, winding, vehicle, adequacy, population, shutdown = (sections[name] for name in KEYS)
+    motor, winding, vehicle, adequacy, population, shutdown, scales = (
+        sections[name] for name in KEYS
+    )
     sisters = next_of_population(population, where)
     effects = _effects(_section(content, "model", where), where)
     if "name" not in motor:
@@ -474,7 +478,7 @@ def parse_motor(data: bytes, where: str) -> Motor:
             where=f"{where}, [motor]",
             remedy='Add: name = "…".',
         )
-    at, at_winding, at_vehicle, at_adequacy, _, at_shutdown = (
+    at, at_winding, at_vehicle, at_adequacy, _, at_shutdown, at_scales = (
         f"{where}, [{name}]" for name in KEYS
     )
     return Motor(
@@ -511,6 +515,7 @@ def parse_motor(data: bytes, where: str) -> Motor:
         sensors=_sensors(_section(content, "sensors", where), where),
         tests=parse_parts(_section(content, "tests", where), where),
         effects=tuple(dict.fromkeys((*effects, *sisters.effects))),
+        scales=Scales(**{key: _number(scales, key, POSITIVE, at_scales) for key in scales}),
         adequacy=_adequacy(adequacy, sisters.unmodelled_heat, at_adequacy),
         shutdown=_shutdown(shutdown, at_shutdown),
         certificate=parse_certificate(_section(content, "certificate", where), where),

@@ -75,8 +75,9 @@ MOTOR = Section(
             "continuous current and the time to the limit.", '"F"', "no ratings"),
         Key("rated_speed_rpm", "Speed that effects of the speed are scaled with [rpm].", "6000",
             "the largest speed in the records"),
-        Key("rated_current_A", "Rms current that the sheet states the steady rise at [A].", "8.2",
-            "the current of the loaded part of the tests"),
+        Key("rated_current_A", "Rms current that the sheet states the steady rise at, and that "
+            "effects of the load are scaled with [A].", "8.2",
+            "the current of the loaded part of the tests, and the largest in the records"),
         Key("mass_kg", "Mass of the machine without gear, carriage and cables [kg]: the heat "
             "capacity of all but the winding is then known to a factor of 2, which a short test "
             "does not tell.", "38.5", "capacities from how fast the tests warm"),
@@ -194,6 +195,18 @@ ADEQUACY = Section(
         Key("unmodelled_heat", "Median of the prior of the heat that the network misses, as a "
             "share of the mean loss, from 0.00001 to 0.05.", "0.0015", "0.0015"),
         Key("heat_time_s", "How long such heat lasts [s], from 60 to 86400.", "1200", "1200"),
+    ),
+)  # fmt: skip
+
+SCALES = Section(
+    "scales",
+    "What effects of speed, load and flow are scaled with, in all tests alike. A run folder writes "
+    "what its tests told; in a motor file it is seldom needed.",
+    (
+        Key("speed_rpm", "Speed [rpm].", "6000", "rated_speed_rpm, or the largest in the records"),
+        Key("current_A", "Rms current [A].", "8.2",
+            "rated_current_A, or the largest in the records"),
+        Key("flow_L_per_min", "Flow of the coolant [L/min].", "12", "the largest in the records"),
     ),
 )  # fmt: skip
 
@@ -318,8 +331,8 @@ INSTRUMENTS = Section(
 )  # fmt: skip
 
 SECTIONS: tuple[Section, ...] = (
-    MOTOR, WINDING, VEHICLE, COLUMNS, CONSTANTS, SENSORS, TESTS, MODEL, ADEQUACY, POPULATION,
-    SHUTDOWN, PARAMETERS, CERTIFICATE, INSTRUMENTS,
+    MOTOR, WINDING, VEHICLE, COLUMNS, CONSTANTS, SENSORS, TESTS, MODEL, SCALES, ADEQUACY,
+    POPULATION, SHUTDOWN, PARAMETERS, CERTIFICATE, INSTRUMENTS,
 )  # fmt: skip
 """Every section, in the order of the file."""
 

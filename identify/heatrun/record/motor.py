@@ -164,6 +164,22 @@ class Adequacy:
 
 
 @dataclass(frozen=True)
+class Scales:
+    """What the laws of effects divide by: one figure for all tests of a machine, also for those
+    that are predicted. A parameter such as `stray_load_loss.k` holds there.
+
+    Attributes:
+        speed_rpm: Speed [rpm].
+        current_A: Rms current [A].
+        flow_L_per_min: Flow of the coolant [L/min].
+    """
+
+    speed_rpm: float | None = None
+    current_A: float | None = None
+    flow_L_per_min: float | None = None
+
+
+@dataclass(frozen=True)
 class ShutDown:
     """What `[shutdown]` says of the readings after switch-off; standard deviations are k = 1.
 
@@ -237,8 +253,8 @@ class Motor:
         sink: Which channel is the temperature T0 that the stator loses its heat to.
         insulation_class: IEC 60085 class letter, or None.
         rated_speed_rpm: Speed that effects are scaled with [rpm], or None for the largest seen.
-        rated_current_A: Rms current that the steady rise is stated at [A], or None for that of the
-            loaded part of the tests.
+        rated_current_A: Rms current that effects are scaled with, or None for the largest seen; and
+            that the steady rise is stated at, or None for that of the loaded part of the tests [A].
         mass_kg: Mass of the machine without gear and carriage [kg], or None if not known.
         conductor_mass_kg: Mass of the bare conductor of the winding [kg], or None.
         resistance_coefficient_degC: B of R(T) = R (B + T)/(B + Tref) [degC].
@@ -258,6 +274,7 @@ class Motor:
             against the model and not fitted. Where nothing is said, the network decides.
         tests: Which parts of a test count, by its name.
         effects: Ids of known effects that every model of this machine has.
+        scales: What effects are scaled with, where tests have told it already.
         adequacy: How far its networks are trusted.
         shutdown: What is known of readings after switch-off.
         certificate: What a certificate of its tests says beside the results.
@@ -291,6 +308,7 @@ class Motor:
     sensors: Mapping[str, str] = field(default_factory=dict)
     tests: Mapping[str, PartsOfTest] = field(default_factory=dict)
     effects: tuple[str, ...] = ()
+    scales: Scales = field(default_factory=Scales)
     adequacy: Adequacy = field(default_factory=Adequacy)
     shutdown: ShutDown = field(default_factory=ShutDown)
     certificate: Certificate = field(default_factory=Certificate)

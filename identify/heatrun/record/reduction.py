@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from .blocks import Blocks, Body
 from .by_resistance import sensor_sd
 from .channels import BODIES
 from .derive import recorded_shaft_power
-from .motor import Motor
+from .motor import Motor, Scales
 from .record import Record
 from .rounding import rounding_step
 from .samples import BLOCK_S, needed_channels
@@ -51,7 +52,8 @@ def reduce(
 
     Args:
         record: A record with the channels that a fit needs.
-        motor: Says which channel is the sink.
+        motor: Says which channel is the sink, and what effects are scaled with; where it does not,
+            with the largest of this record.
         step_s: Length of a step [s]; by default about 2 s, or the sampling period if longer.
         block_s: Length of a block [s]; by default about 20 s, shorter for a short test.
 
@@ -59,6 +61,7 @@ def reduce(
         InputError: If a channel is missing, time does not increase, or too few samples remain.
     """
     time = record.time_s
+    motor = with_scales(motor, [record])
     _require(record, motor)
     if np.any(~np.isfinite(time)) or np.any(np.diff(time) <= 0):
         raise InputError(
@@ -107,6 +110,26 @@ def reduce(
         notes=notes,
         told=own_errors(record, motor),
     )
+
+
+def with_scales(motor: Motor, records: Sequence[Record]) -> Motor:
+    """Return the motor with what its effects are scaled with.
+
+    What it does not say yet is its rated figure, else the largest of the records, those that a
+    model is fitted to.
+    """
+
+    def largest(channel: str) -> float | None:
+        found = [np.abs(record[channel]) for record in records if channel in record]
+        most = max((float(np.nanmax(v)) for v in found if np.any(np.isfinite(v))), default=0.0)
+        return most or None
+
+    said = motor.scales
+    return replace(motor, scales=Scales(
+        speed_rpm=said.speed_rpm or motor.rated_speed_rpm or largest("speed_rpm"),
+        current_A=said.current_A or motor.rated_current_A or largest("phase_current_A"),
+        flow_L_per_min=said.flow_L_per_min or largest("coolant_flow_L_per_min"),
+    ))  # fmt: skip
 
 
 def _require(record: Record, motor: Motor) -> None:
@@ -164,16 +187,13 @@ def _means(
     if second_sink is None and second in record and np.any(np.isfinite(record[second])):
         second_sink = mean(second)
     fan = None
-    for channel in ("fan", "coolant_flow_L_per_min"):
+    for channel, full in (("fan", 1.0), ("coolant_flow_L_per_min", motor.scales.flow_L_per_min)):
         if fan is None and channel in record and np.nanmax(np.abs(record[channel])) > 0:
-            largest = 1.0 if channel == "fan" else float(np.nanmax(record[channel]))
-            fan = mean(channel) / largest
+            fan = mean(channel) / (full or 1.0)
     shaft = recorded_shaft_power(record.channels)
     if shaft is not None:
         finite = np.isfinite(shaft)
         shaft = _interval_means(record.time_s[finite], shaft[finite], edges)
-    fastest = 1.0 if speed is None else max(float(np.max(np.abs(speed))), 1e-9)
-    rated = motor.rated_speed_rpm
     current_squared = np.zeros(edges.size - 1)
     if "phase_current_A" in record:
         current_squared = mean("phase_current_A", power=2)
@@ -187,8 +207,8 @@ def _means(
         "fan": fan,
         "shaft_power": shaft,
         "second_sink": second_sink,
-        "rated_speed": fastest if rated is None else rated * 2 * math.pi / 60,
-        "rated_current": np.sqrt(max(np.max(current_squared), 1e-12)),
+        "rated_speed": (motor.scales.speed_rpm or 30 / math.pi) * 2 * math.pi / 60,
+        "rated_current": motor.scales.current_A or 1e-6,
     }
     found = {name: np.asarray(each, float) for name, each in means.items() if each is not None}
     return found, tuple(notes)

@@ -31,6 +31,8 @@ def motor_text(motor: Motor) -> bytes:
     if motor.shutdown != ShutDown():
         said = asdict(motor.shutdown)
         content["shutdown"] = {key: value for key, value in said.items() if value is not None}
+    scales = {key: value for key, value in asdict(motor.scales).items() if value is not None}
+    content["scales"] = scales
     content["columns"] = dict(motor.columns)
     content["constants"] = dict(motor.constants)
     content["tests"] = {name: kept for name, parts in motor.tests.items() if (kept := _kept(parts))}

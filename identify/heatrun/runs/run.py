@@ -396,7 +396,7 @@ class Run:
         from ..posterior.predict import NUM_DRAWS, predict
         from ..posterior.virtual import reduce_driven, refuse_runaway
 
-        motor = motor or self.motor
+        motor = replace(motor or self.motor, scales=self.motor.scales)
         record = test if isinstance(test, Record) else read_test(Path(test), motor)
         blocks = reduce_driven(record, motor)
         draws = self.draws(network)
