@@ -273,7 +273,20 @@ def _conditions(result: FitResult, fitted: list[DescribedTest], say: Texts) -> s
             ends = (f"{low:.{digits}f}", f"{high:.{digits}f}")
             span = ends[0] if ends[0] == ends[1] else " … ".join(ends)
             parts.append(f"{say(key)} {say.number(span)} {unit}")
-    return f"{_sentence('; '.join(parts) or say('not_recorded'))}."
+    tested = f"{_sentence('; '.join(parts) or say('not_recorded'))}."
+    scales = (
+        (result.motor.rated_speed_rpm, 0, say("unit_rpm")),
+        (
+            result.motor.rated_current_A,
+            places_of_current((0.0, result.motor.rated_current_A or 0)),
+            "A",
+        ),
+    )
+    at = [f"{say.number(f'{each:.{digits}f}')} {unit}" for each, digits, unit in scales if each]
+    if not at or not result.models[favoured(result)].effects:
+        return tested
+    joined = f" {say('and')} ".join(at)
+    return f"{tested} {say('effects_rated', at=joined)}"
 
 
 def places_of_current(span: Interval | None) -> int:

@@ -645,6 +645,7 @@ class FittedMotor:
         reference_temperature_degC: Temperature that the resistance holds for [degC].
         resistance_coefficient_degC: B of R(T) = R (B + T)/(B + Tref) [degC].
         rated_speed_rpm: Speed that effects are scaled with [rpm], or null.
+        rated_current_A: Rms current that they are scaled with [A], or null.
         path: The motor file as the user gave it; empty if made in memory.
         sha256: Its digest; empty likewise.
     """
@@ -658,6 +659,7 @@ class FittedMotor:
     reference_temperature_degC: float
     resistance_coefficient_degC: float
     rated_speed_rpm: float | None = None
+    rated_current_A: float | None = None
     path: str
     sha256: str
 
