@@ -170,7 +170,7 @@ def first_order(
     return found
 
 
-def _lagged(drives: np.ndarray, ratio: ArrayLike) -> np.ndarray:
+def _lagged(drives: np.ndarray, ratio: float | np.ndarray) -> np.ndarray:
     """Block means after lags of 1/ratio blocks, from 0 on, of drives held over each block."""
     decay, mean = np.exp(-ratio), -np.expm1(-ratio) / ratio
     ends = first_order(drives, decay)
