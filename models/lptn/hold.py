@@ -119,6 +119,7 @@ def time_to(
     node: str,
     limit: Float[Array, ""] | float,
     effects: Sequence[AbstractEffect] = (),
+    steady: Mapping[str, Float[Array, ""]] | None = None,
 ) -> Float[Array, ""]:
     """Return the time until a node reaches a limit under a constant drive [s].
 
@@ -136,6 +137,7 @@ def time_to(
         node: Node that is to stay below the limit.
         limit: Its limit [degC].
         effects: As `linearise`.
+        steady: The `steady_state` under the drive [degC], where it is known by now.
 
     Returns:
         Time [s]: 0 if the node is there at the start, inf if it never gets there, NaN if it has
@@ -146,11 +148,13 @@ def time_to(
     """
     at = field(network, losses, drive, start, effects)
     place, limit = at.place(node), jnp.asarray(limit, dtype=float)
-    sink = jnp.full_like(at.start, drive.ambient + losses.ambient_offset)
-    steady = equilibrium(at.slope, sink)
-    fastest = jnp.minimum(
-        _fastest(at.slope, at.start), _fastest(at.slope, jnp.full_like(at.start, limit))
-    )
+    if steady is None:
+        sink = jnp.full_like(at.start, drive.ambient + losses.ambient_offset)
+        rest = equilibrium(at.slope, sink)
+    else:
+        rest = jnp.stack([steady[each] for each in at.nodes])
+    ends = jnp.stack([at.start, jnp.full_like(at.start, limit)])
+    fastest = jnp.min(jax.vmap(lambda T: _fastest(at.slope, T))(ends))
 
     def is_going(state: _State) -> Bool[Array, ""]:
         is_below = state.after[place] < limit
@@ -160,8 +164,8 @@ def time_to(
         time, before = state.time + state.step, state.after
         step = jnp.clip(GROWTH * time, SHORTEST * fastest, LONGEST * fastest)
         after, slope = advanced(at.slope, before, step)
-        gap = limit - steady[place]
-        stays = (gap > 0.0) & jnp.all(before - steady <= NEAR * gap)
+        gap = limit - rest[place]
+        stays = (gap > 0.0) & jnp.all(before - rest <= NEAR * gap)
         is_never = stays | jnp.all(slope <= 0.0)  # what cools everywhere goes on cooling
         # nothing moves while it is decided that nothing will
         after = jnp.where(is_never, before, after)
@@ -170,12 +174,9 @@ def time_to(
     zero = jnp.zeros(())
     first = _State(zero, zero, at.start, at.start, jnp.asarray(False), jnp.asarray(0))
     last = jax.lax.while_loop(is_going, advance, first)
-    inside = _crossing(
-        last.step,
-        (last.before[place], last.after[place]),
-        (at.slope(last.before)[place], at.slope(last.after)[place]),
-        limit,
-    )
+    ends = jnp.stack([last.before, last.after])
+    slopes = jax.vmap(at.slope)(ends)
+    inside = _crossing(last.step, ends[:, place], slopes[:, place], limit)
     found = jnp.where(last.after[place] >= limit, last.time + inside, jnp.nan)
     return jnp.where(last.is_never, jnp.inf, found)
 

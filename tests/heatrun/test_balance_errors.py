@@ -27,7 +27,7 @@ from heatrun.runs.machine import tested as seen_in
 GAIN = 0.05
 NUM_LOADS = 16
 LENGTH_S = 5400.0
-"""Of both tests, so that they share what is compiled [s]."""
+"""Of all tests, so that they share what is compiled [s]."""
 
 
 @pytest.fixture(scope="module")
@@ -206,14 +206,20 @@ NETWORK = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
 @pytest.fixture(scope="module")
 def record(generator):
     """A staircase as a motor, and after it as a generator."""
-    up = generator.staircase(3600.0)
+    up = generator.staircase(0.5 * LENGTH_S)
     down = [replace(segment, torque=-segment.torque) for segment in up.segments]
     profile = generator.Profile((*up.segments, *down))
     return measured_record(generator, profile, 81, stator=False, shaft_gain=LATE_GAIN)
 
 
-def test_the_gain_is_found_with_the_torque_and_explained_by_nothing_without(record, motor, truth):
-    found = fitted(motor, record)
+@pytest.fixture(scope="module")
+def found(record, motor):
+    return fitted(motor, record)
+
+
+def test_the_gain_is_found_with_the_torque_and_explained_by_nothing_without(
+    found, record, motor, truth
+):
     values, sd = found.values(), np.sqrt(np.diag(found.covariance))
     place = found.problem.parameters.index("shaft_power_gain")
     assert abs(values["shaft_power_gain"] - LATE_GAIN) < 3.0 * 0.01 * sd[place]
@@ -385,11 +391,13 @@ def test_a_wrong_zero_of_the_torque_puts_nothing_in_at_standstill(record, motor)
     assert of_power.name == "shaft_power_offset"
 
 
-def test_a_test_that_tells_no_speed_is_predicted_without_the_zero_of_the_torque(record, motor):
-    found = normal_draws(fitted(motor, record))
-    assert "torque_offset" in found.values()
+def test_a_test_that_tells_no_speed_is_predicted_without_the_zero_of_the_torque(
+    found, record, motor
+):
+    posterior = normal_draws(found)
+    assert "torque_offset" in posterior.values()
     channels = {n: v for n, v in record.channels.items() if n not in ("speed_rpm", "torque_Nm")}
     silent = replace(record, channels=channels, name="silent")
-    prediction = predict(found, reduce(silent, motor))
+    prediction = predict(posterior, reduce(silent, motor))
     assert "torque_offset" not in prediction.values
     assert np.all(np.isfinite(virtual_record(prediction, silent, motor)["winding_degC"]))

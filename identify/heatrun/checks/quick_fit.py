@@ -114,13 +114,11 @@ class Course:
             the winding above the first sink [K]: 4 lags and 1 row.
         """
         above = self.sink_degC - self.sink_degC[0]
-        drives = np.stack([self.copper_W, self.all_W, above])
-        found = np.empty((4, taus_s.size, above.size))
-        for place, ratio in enumerate(self.step_s / taus_s):
-            found[:3, place] = _lagged(drives, ratio)
-            found[3, place] = -np.expm1(-ratio) / ratio * np.exp(-ratio * np.arange(above.size))
+        drives = np.stack([self.copper_W, self.all_W, above])[:, None]
+        ratio = (self.step_s / taus_s)[:, None]
+        start = -np.expm1(-ratio) / ratio * np.exp(-ratio * np.arange(above.size))
         winding = self.winding_degC - self.sink_degC[0]
-        return np.concatenate([found.reshape(-1, above.size), winding[None]])
+        return np.concatenate([*_lagged(drives, ratio), start, winding[None]])
 
     def behind(self, sensor_s: float) -> Course:
         """Return the course whose heat comes as late as a sensor shows it."""
@@ -154,28 +152,30 @@ class Course:
 
 
 def first_order(
-    values: Float[np.ndarray, "... time"], decay: float
+    values: Float[np.ndarray, "... time"], decay: ArrayLike
 ) -> Float[np.ndarray, "... time"]:
     """Return finite values behind a first-order lag of unit gain, from 0 on.
 
     Args:
         values: On an even grid, in any unit.
-        decay: What is left of the lag after a step, 0 to 1 [1].
+        decay: What is left of the lag after a step, 0 to 1 [1]; of several lags, along an axis
+            before that of the time.
     """
     # by doubling, as SciPy has a filter for it that takes longer to load than all of this
+    decay = np.asarray(decay)
     found, reach = (1.0 - decay) * values, 1
-    while reach < values.shape[-1] and decay > 0.0:
+    while reach < values.shape[-1] and np.any(decay > 0.0):
         found[..., reach:] += decay * found[..., :-reach]
         decay, reach = decay * decay, 2 * reach
     return found
 
 
-def _lagged(drives: np.ndarray, ratio: float) -> np.ndarray:
-    """Block means after a lag of 1/ratio blocks, from 0 on, of drives held over each block."""
+def _lagged(drives: np.ndarray, ratio: float | np.ndarray) -> np.ndarray:
+    """Block means after lags of 1/ratio blocks, from 0 on, of drives held over each block."""
     decay, mean = np.exp(-ratio), -np.expm1(-ratio) / ratio
     ends = first_order(drives, decay)
     begins = np.zeros_like(ends)
-    begins[:, 1:] = ends[:, :-1]
+    begins[..., 1:] = ends[..., :-1]
     return drives + (begins - drives) * mean
 
 

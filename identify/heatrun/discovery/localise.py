@@ -100,7 +100,7 @@ def _linear(model: Model, values: Values, inputs: Inputs):
     )
 
 
-@compiled("model")
+@compiled("model", is_seldom=True)
 def _linear_jit(model: Model, values: Values, inputs: Inputs):
     trace: Trace = model.simulate(values, inputs)
     network = model.network(values)

@@ -43,8 +43,9 @@ COUNTS: Counter[str] = Counter()
 """Programs of this process: `compiled`, `loaded` from the folder; not kept are those that are
 `nameless`, which no text stands for, and `unwritable`, which JAX cannot write out."""
 
-OPTIONS = {"xla_backend_optimization_level": 1}
-"""Of the compiler: a fifth less of its time than by default, and programs that run as fast."""
+LEVEL, LEVEL_OF_SELDOM = 1, 0
+"""Optimisation of the compiler: a fifth less of its time than by default, and programs that run as
+fast; and a third of its time, for programs that run several times as long."""
 
 UNKEPT: set[str] = set()
 """Why programs could not be written."""
@@ -54,14 +55,18 @@ _IMPORT = re.compile(rb"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+)?import[ \t]+(\([^)]*
 _MADE: list[dict[Hashable, Callable[..., Any]]] = []
 
 
-def compiled(*static: str) -> Callable[[Callable[..., R]], Callable[..., R]]:
+def compiled(
+    *static: str, is_seldom: bool = False
+) -> Callable[[Callable[..., R]], Callable[..., R]]:
     """Return a decorator that compiles as `jax.jit`, and keeps what is compiled.
 
     Arrays of NumPy are as good as JAX's: nothing is compiled to turn one into the other.
 
     Args:
         static: Names of arguments that are compiled in; hashable.
+        is_seldom: It runs a few times, so that compiling takes longer than all of them.
     """
+    options = {"xla_backend_optimization_level": LEVEL_OF_SELDOM if is_seldom else LEVEL}
 
     def decorate(function: Callable[..., R]) -> Callable[..., R]:
         signature = inspect.signature(function)
@@ -89,7 +94,7 @@ def compiled(*static: str) -> Callable[[Callable[..., R]], Callable[..., R]]:
                     mine = making.setdefault(key, threading.Lock())
                 with mine:  # others that want the same one wait for it
                     if key not in programs:
-                        programs[key] = _program(function, jitted, given, fixed, free)
+                        programs[key] = _program(function, jitted, given, fixed, free, options)
             return programs[key](*free)
 
         return call
@@ -116,6 +121,7 @@ def _program(
     given: tuple[Any, ...],
     fixed: tuple[Any, ...],
     free: tuple[Any, ...],
+    options: dict[str, int],
 ) -> Callable[..., Any]:
     """Return the program for some arguments: the one that was kept, or a new one."""
     folder = os.environ.get(PROGRAMS_FOLDER)
@@ -124,7 +130,7 @@ def _program(
     if found is not None:
         COUNTS["loaded"] += 1
         return found
-    program = jitted.lower(*given).compile(OPTIONS)
+    program = jitted.lower(*given).compile(options)
     COUNTS["compiled"] += 1
     if path is not None:
         try:

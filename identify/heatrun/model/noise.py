@@ -132,7 +132,7 @@ def from_scores(z: Float[Any, "4 ..."]) -> Noise:
     return Noise(*(parameter.value(z[i]) for i, parameter in enumerate(NOISE)))
 
 
-@compiled()
+@compiled(is_seldom=True)
 def whiten(
     residual: Float[Array, "block ..."], noise: Noise, blocks: Observation
 ) -> tuple[Float[Array, "block ..."], Float[Array, ""]]:

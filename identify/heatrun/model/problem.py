@@ -255,7 +255,7 @@ def linearise(
     return with_slopes(stacked, z, jnp.eye(structure.num_parameters))
 
 
-@compiled("structure")
+@compiled("structure", is_seldom=True)
 def information(
     structure: Structure, data: Data, z: Float[Array, " parameter"], noise: Noise
 ) -> Float[Array, "parameter parameter"]:
@@ -265,7 +265,7 @@ def information(
     return jacobian.T @ jacobian
 
 
-@compiled("structure")
+@compiled("structure", is_seldom=True)
 def predict_batch(
     structure: Structure, data: Data, z: Float[Array, "draw parameter"]
 ) -> list[Float[Array, "draw block"]]:

@@ -400,7 +400,7 @@ def of_test(
     return OfTest(values, noise, picked.plausible)
 
 
-@compiled()
+@compiled(is_seldom=True)
 def _errors(noise: Noise, seed: Int[Array, ""], test: Observation) -> Float[Array, "draw block"]:
     keys = jax.random.split(jax.random.key(seed), noise.sd.shape[0])
     return jax.vmap(lambda noise, key: noise_module.draw(key, noise, test))(noise, keys)

@@ -189,7 +189,7 @@ def _first_blocks(test: Observation, num: int) -> Observation:
     )  # fmt: skip
 
 
-@compiled("model", "names")
+@compiled("model", "names", is_seldom=True)
 def _whitened(
     model: Model,
     names: tuple[str, ...],

@@ -171,7 +171,7 @@ class Machine(NamedTuple):
     warm_s: Float[Array, "*draw"]
 
 
-@compiled("model")
+@compiled("model", is_seldom=True)
 def machines(
     model: Model,
     values: dict[str, Float[Array, " draw"]],
@@ -194,11 +194,16 @@ def machines(
     def one(values: dict[str, Float[Array, ""]]) -> Machine:
         at = under_load(model, values, loaded, winding)
         network, drive, effects = at.network, at.drive, at.effects
-        rest = steady_state(network, at.losses, drive, effects=effects)
+        # both at once: it is the search for them that takes long to compile
+        both = jax.vmap(
+            lambda scale: steady_state(
+                network, at.losses, drive.scale_current(scale), effects=effects
+            )
+        )(jnp.stack([jnp.ones_like(rated), rated]))
+        rest, under_rated = ({node: T[place] for node, T in both.items()} for place in (0, 1))
         top = steady_current(network, at.losses, drive, limit, effects=effects)
         sink, copper = drive.ambient, network.copper_node
-        under_rated = drive.scale_current(rated)
-        top_rise = steady_state(network, at.losses, under_rated, effects=effects)[copper] - sink
+        top_rise = under_rated[copper] - sink
 
         def time_from(share: Float[Array, ""]) -> Float[Array, ""]:
             start = {
@@ -207,8 +212,9 @@ def machines(
                 for node, T in rest.items()
             }
             return time_to(
-                network, at.losses, drive, start, node=copper, limit=limit, effects=effects
-            )
+                network, at.losses, drive, start, node=copper, limit=limit, effects=effects,
+                steady=rest,
+            )  # fmt: skip
 
         cold_s, warm_s = jax.vmap(time_from)(jnp.asarray([0.0, WARM]))
         return Machine(

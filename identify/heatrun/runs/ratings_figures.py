@@ -57,7 +57,7 @@ class Rates(NamedTuple):
     follows_time: Array
 
 
-@compiled("model")
+@compiled("model", is_seldom=True)
 def rates(
     model: Model,
     values: dict[str, Float[Array, " draw"]],
@@ -161,7 +161,7 @@ def at_conditions(posterior: Posterior) -> dict[str, DerivedFigure]:
     return result
 
 
-@compiled("model")
+@compiled("model", is_seldom=True)
 def _at(
     model: Model,
     values: dict[str, Float[Array, " draw"]],

@@ -381,9 +381,10 @@ def _mends(one: OtherReading, left: set[str], is_shown: bool) -> bool:
     if is_shown and one_node(one.record, one.motor) is None:
         return False
     left_symptoms = OF_THE_SENSOR if "time_s" not in one.channels else frozenset()
+    # what is unusual first: most suppositions end there, and what is possible takes a fit
     return not (
-        conflicts(one.record, one.motor)
-        or any(c.id not in left for c in conflicts(one.record, one.motor, is_strict=True))
+        any(c.id not in left for c in conflicts(one.record, one.motor, is_strict=True))
+        or conflicts(one.record, one.motor)
         or set(_symptoms(one.record, one.motor)) - left_symptoms
         or any(f.severity == "error" for f in units_temperature(one.record, one.motor))
     )
