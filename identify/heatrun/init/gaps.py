@@ -147,7 +147,7 @@ def ranked(channel: str, candidates: Sequence[Candidate]) -> list[Ranked]:
             words.append(said.words)
         words.append(one.evidence.words if one.evidence and one.evidence.speaks else "")
         note = "; ".join(filter(None, words))
-        found.setdefault(one.line, Ranked(one, note, said.grade <= 1))
+        found.setdefault(one.line, Ranked(one, note, said.grade != 2))
     return list(found.values())
 
 
@@ -175,6 +175,8 @@ def _verdict(channel: str, one: Candidate, largest: float) -> _Verdict:
         return _ambient(one, course, largest)
     if channel == "winding_degC":
         return _winding(one, largest)
+    if channel == "time_s" and not course.is_growing:
+        return _Verdict(2, words="does not grow throughout")
     if course.low == course.high and channel in REQUIRED:
         return _Verdict(3)
     if channel == "phase_current_A":
@@ -183,8 +185,6 @@ def _verdict(channel: str, one: Candidate, largest: float) -> _Verdict:
         return _Verdict(0, -one.move, praise="never negative, varies the most")
     if channel == "losses_W" and course.mean < 0.0:
         return _Verdict(2, words="negative in the mean")
-    if channel == "time_s" and not course.is_growing:
-        return _Verdict(2, words="does not grow throughout")
     return _Verdict(0)
 
 
@@ -193,8 +193,6 @@ def _winding(one: Candidate, largest: float) -> _Verdict:
         return _Verdict(2, words=_outside(WINDING_RANGE, "windings"))
     if largest < LEAST_MOVE_K:
         return _Verdict(0, -one.move)
-    if one.move == 0.0:
-        return _Verdict(3)
     if one.move < STAYS_SHARE * largest:
         return _Verdict(2, -one.move, f"stays within {_kelvin(one.move)}")
     moves = f"moves by {_kelvin(one.move)}"
@@ -486,8 +484,8 @@ def _needed(name: str, files: Sequence[Survey], have: Set[str]) -> list[tuple[st
     if score >= (LIKELY if name in ("losses_W", "winding_degC") else SURE):
         return [(name, "")]
     if name == "winding_degC":
-        is_sensor = direct is not None and direct.candidate.evidence is not None
-        known = () if is_sensor else QUOTIENTS
+        is_moved = direct is not None and direct.candidate.move >= LEAST_MOVE_K
+        known = () if is_moved else QUOTIENTS
     else:
         known = [way for way in DERIVATIONS if way.channel == name and way.is_general]
     ways = [_way(way, files, have) for way in known]
