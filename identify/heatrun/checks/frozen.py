@@ -114,8 +114,10 @@ def _expected(
 ) -> tuple[float, float, float]:
     """Lowest and highest of a network fitted without a stretch inside it [degC], its doubt [K]."""
     fit = quick_fit(record, motor, left_out_s=[(from_s, to_s)])
-    inside = np.zeros(0) if fit is None else (fit.time_s > from_s) & (fit.time_s < to_s)
-    if fit is None or not inside.any():
+    if fit is None:
+        return np.inf, np.inf, 0.0
+    inside = (fit.time_s > from_s) & (fit.time_s < to_s)
+    if not inside.any():
         return np.inf, np.inf, 0.0
     expected = fit.fitted_degC[inside]
     return float(np.min(expected)), float(np.max(expected)), _doubt(fit, inside)
