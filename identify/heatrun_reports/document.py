@@ -13,9 +13,9 @@ from typing import Any
 from heatrun.io.quantities import plain, with_breaks
 from heatrun.io.texts import Texts
 from heatrun.io.whole_files import without_folders
-from heatrun.reports.figures import save
+from heatrun.reports.figures import again, save
 from heatrun.reports.pdf import typeset
-from heatrun.reports.printed import fixed
+from heatrun.reports.printed import fixed, under_meaning
 
 from .card import CARDS
 from .report import Cell, Line, Report, Row, Table
@@ -48,9 +48,10 @@ def write_pdf(
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        texts = document_content(report, content, say or Texts())
+        say = say or Texts()
+        texts = document_content(report, content, say)
         figures = [
-            save(drawing.draw(), folder / f"{number:03d}.png")
+            save(again(drawing.draw(), say), folder / f"{number:03d}.png")
             for number, drawing in enumerate(report.drawings)
         ]
         return typeset(TEMPLATE, texts, figures, path)
@@ -60,6 +61,7 @@ def document_content(
     report: Report, content: Mapping[str, Any], say: Texts | None = None
 ) -> dict[str, Any]:
     """Return the texts of the PDF, each cell as it is printed; as `write_pdf`."""
+    say = say or Texts()
     dated = f"{content['date']} ({content['date_from']})" if content.get("date") else "not known"
     texts = {
         "version": f"heatrun {version('heatrun')}",
@@ -78,10 +80,10 @@ def document_content(
         "rows": [_row(row) for row in report.rows],
         "tables": [_table(table) for table in report.tables],
         "captions": [drawing.caption for drawing in report.drawings],
-        "findings": [[f.severity, f.sentence()] for f in report.findings],
+        "findings": [[f.severity, under_meaning(f.id, f.sentence(), say)] for f in report.findings],
         "definitions": [[name, text] for name, text in report.definitions],
     }
-    return _printed(_again(texts, say or Texts()), [source.path for source in report.sources])
+    return _printed(_again(texts, say), [source.path for source in report.sources])
 
 
 def _again(texts: Mapping[str, Any], say: Texts) -> dict[str, Any]:

@@ -170,6 +170,11 @@ FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
 
 
 STRETCHED = edited(CLEAN, "winding_degC", 2700.0, 1e9, CLEAN["winding_degC"][27000])
+PEAKED, PEAKED_SMOOTH = (
+    edited(one, "winding_degC", peak_s, peak_s + 300.0, float(one["winding_degC"].max()))
+    for one in (CLEAN, SMOOTH)
+    for peak_s in (float(one.time_s[np.argmax(one["winding_degC"])]),)
+)  # stuck where the load falls
 LIMIT = float(np.quantile(CLEAN["winding_degC"], 0.9))
 
 # The same faults in another form: id, record, motor, severity expected (None: silent)
@@ -212,6 +217,10 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
     "cut before the load": ("cut_while_warm", cut(CLEAN, Stretch(10.0), "test"), MOTOR, None),
     "six minutes missing": ("time_gap", shifted_clock(CLEAN, 900.0, 360.0), MOTOR, "error"),
     "stuck to the end": ("sensor_stuck", STRETCHED, MOTOR, "error"),
+    "stuck at its highest": ("sensor_stuck", PEAKED_SMOOTH, MOTOR, "error"),
+    "stuck at its highest, rounded": ("sensor_stuck", PEAKED, MOTOR, "error"),
+    "stuck and not clipped": ("saturation", PEAKED_SMOOTH, MOTOR, None),
+    "stuck, rounded and not clipped": ("saturation", PEAKED, MOTOR, None),
     "stuck and flickering elsewhere": (
         "sensor_stuck",
         edited(SMOOTH, "winding_degC", 900.0, 912.0, SMOOTH["winding_degC"][9000]),

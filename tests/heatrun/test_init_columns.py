@@ -12,6 +12,7 @@ from drafted import (
     BEARING,
     CURRENT,
     HOUSING,
+    LOAD,
     LOSSES,
     ROOM,
     TIME_S,
@@ -438,3 +439,52 @@ def test_what_is_chosen_stands_in_the_draft(surveys):
     assert motor.columns["losses_W"] == "none"
     unchanged = parse_motor(draft("m", surveys, is_accepted=True).encode(), "m")
     assert "losses_W" not in unchanged.columns
+
+
+OHM = 4.0 * (234.5 + WINDING) / 254.5
+
+
+@pytest.mark.parametrize("names", [("U [V]", "I [A]"), ("coil voltage", "current"), ("Uw", "Iw")])
+@pytest.mark.parametrize("amperes", [ZERO + 1.5, CURRENT / 60.0, 10.0 / OHM])
+def test_voltage_over_current_that_warms_is_that_of_a_winding(tmp_path, names, amperes):
+    """Direct current that is held, switched, or falls as the coil warms at one voltage."""
+    columns = dict(zip(names, (OHM * amperes, amperes), strict=True))
+    path = named(tmp_path, {"time_s": TIME_S, "T_Raum [degC]": ROOM} | columns)
+    text = text_of(path)
+    (side,) = offered(text, "winding_voltage_V")
+    assert "ohm, as copper that warms" in note_on(text, side)
+    assert "# mechanical_power_W =" in text  # the power that goes in, less that of a shaft
+    accepted = draft("coil", [survey(path)], is_accepted=True)
+    head = "phases = 1\n[winding]\nphase_resistance_ohm = 4.0\nreference_temperature_degC = 20\n"
+    motor = accepted.replace("\n[winding]\n", f"\n{head}", 1)
+    record = read_test(path, parse_motor(motor.encode(), "motor.toml"))
+    flows = np.isfinite(record["winding_degC"])
+    assert flows.sum() > 200
+    # six digits of the file; the offset of the idle current is no load
+    np.testing.assert_allclose(record["winding_degC"][flows], WINDING[flows], atol=0.02)
+
+
+SUPPLY = ZERO + 48.0
+DRAWN = (4.0 + 3.0 * LOAD) * (1.0 + 0.02 * np.sin(TIME_S))
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        {"U [V]": SUPPLY, "I [A]": DRAWN},
+        {"U [V]": SUPPLY - 0.2 * DRAWN, "I [A]": DRAWN[::-1]},
+        {"U [V]": OHM * 1.5, "I [A]": ZERO + 1.5, "speed [rpm]": ZERO + 900.0},
+    ],
+    ids=["supply", "sagging supply", "turning"],
+)
+def test_what_a_supply_holds_is_no_voltage_of_a_winding(tmp_path, columns):
+    path = named(tmp_path, {"time_s": TIME_S, "T_Raum [degC]": ROOM} | columns)
+    assert offered(text_of(path), "winding_voltage_V") == []
+
+
+def test_beside_a_sensor_the_voltage_of_a_winding_tells_its_losses(tmp_path):
+    columns = {"time_s": TIME_S, "T_Raum [degC]": ROOM, "T1 [degC]": WINDING}
+    path = named(tmp_path, columns | {"U [V]": OHM * 1.5, "I [A]": ZERO + 1.5})
+    text = text_of(path)
+    assert offered(text, "winding_degC") == ["T1 [degC]"]
+    assert "losses_W is winding_voltage_V·phase_current_A" in text

@@ -18,14 +18,17 @@ from heatrun.checks.suitability import DOUBTS
 from heatrun.io.texts import FIELD, LANGUAGES, Texts, table
 from heatrun.model.network_text import SHIPPED, network_named
 from heatrun.motor.file import load_motor
+from heatrun.record.findings import FINDINGS
 from heatrun.record.motor import Certificate
 from heatrun.record.record import Finding
 from heatrun.reports.content import LABELS, sheet_content
+from heatrun.reports.figures import again
 from heatrun.reports.pdf import write_pdf
 from heatrun.results import FitResult, from_json
 from heatrun.runs.verdict import USES
 from heatrun_reports import job, make_report
 from heatrun_reports.document import document_content
+from heatrun_reports.figures.plot import SYMBOLS
 from lptn.effects import EFFECTS
 
 ROOT = Path(heatrun.__file__).parents[1]
@@ -163,6 +166,7 @@ def test_what_a_run_states_in_english_is_in_the_table(module):
 def test_meanings_and_names_of_the_networks_and_effects_are_in_the_table():
     forms = [network_named(name) for name in SHIPPED]
     stated = [*USES.values(), *DOUBTS.values(), *(form.title for form in forms)]
+    stated += [kind.meaning for kind in FINDINGS.values()]
     stated += [p.meaning for form in forms for p in form.parameters]
     stated += [q.meaning for kind in EFFECTS for q in kind.card.parameters.values()]
     for language in LANGUAGES[1:]:
@@ -237,6 +241,16 @@ def test_findings_in_english_are_called_so_in_the_language(result):
     ]
 
 
+def test_a_finding_stands_under_what_it_means_in_the_language(result):
+    gap = replace(result, findings=(Finding("time_gap", "warning", "It has a gap."),))
+    for language, said in (
+        ("en", "It has a gap."),
+        ("de", "Die Aufzeichnung hat eine Lücke. It has a gap."),
+    ):
+        content = sheet_content(gap, Certificate(language=language))
+        assert content["graver"][0][1] == said
+
+
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 ROAD = [DATA / "prototypes" / f"{name}_2024_03_05_001.csv.gz" for name in ("Test", "Road")]
 
@@ -267,6 +281,10 @@ def test_titles_labels_heads_and_captions_of_reports_are_in_the_table(kind, tmp_
         pairs += [*heads, *((a[0], b[0]) for a, b in lines)]
     same = {a for a, b in pairs if a == b and not re.fullmatch(r"\d+ … \d+ %", a)}
     assert same <= {"", "RMSE"}
+    say = Texts("it")
+    for drawing in made.report.drawings:
+        again(drawing.draw(), say)
+    assert say.unknown <= {*SYMBOLS}
     if kind == "general":
         text = "".join(page.extract_text() for page in PdfReader(made.pdf).pages)
         assert "pagina 1 di" in text

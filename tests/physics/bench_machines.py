@@ -205,6 +205,23 @@ def drawn_record(machine: Machine, seed: int, *, slow: bool = False) -> dict[str
     }
 
 
+def outrunner(grams: float, seconds: float) -> Machine:
+    """Return a drone's motor in the wash of its propeller.
+
+    Args:
+        grams: Of its winding.
+        seconds: Time constant of the whole.
+    """
+    C_winding, C_stator = 0.385 * grams, 1.1 * grams
+    R_sink = seconds / (C_winding + C_stator)
+    watts = 40.0 / R_sink  # of which copper makes four fifths at 1 ohm
+    return Machine(
+        f"outrunner {grams:g} g", C_winding, C_stator, 0.5 * C_stator, 20.0 / watts, 40.0 / watts,
+        R_sink, 1.0, np.sqrt(0.8 * watts / 3.0), 0.2 * watts, 6000.0, 6.0 * watts / 628.0,
+        step_s=0.5, minutes=30.0,
+    )  # fmt: skip
+
+
 def in_turn(cases: Iterable[Any], machines: Sequence[Machine], *, num: int = 2) -> list[Any]:
     """Return parameters (case, machine): each case on the next `num` machines, the rest slow."""
     found = []

@@ -22,6 +22,7 @@ from bench_machines import (
     bench_record,
     cooling_record,
     in_turn,
+    outrunner,
 )
 
 from heatrun import checks
@@ -203,6 +204,19 @@ INVISIBLE = {
     # Half of the losses are copper's: as amplitudes they are all of it, which is not impossible.
     "amplitude where copper is half": (STANDARD, True, {"phase_current_A": 2.0**0.5}),
 }
+
+
+@pytest.mark.parametrize(("grams", "seconds"), [(5.0, 25.0), (50.0, 25.0), (500.0, 60.0)])
+def test_a_small_motor_in_the_wash_of_its_propeller_is_judged_by_its_own_scale(grams, seconds):
+    machine = outrunner(grams, seconds)
+    columns, motor = bench_record(machine, "load and cool-down"), motor_of(machine)
+    for only, name in ((FIVE, "losses_W"), (WHOLE, "electrical_power_W")):
+        assert asked(as_read(columns, only=only, unit_from="stated"), motor) == []
+        for factor, unit in ((1e-3, "kW"), (1e3, "mW")):
+            record = as_read(columns, only=only, unit_from="stated", factors={name: factor})
+            (finding,) = asked(record, motor)
+            assert finding.severity == "error"
+            assert f"factor_{name}_{unit}" in supposed(finding), finding
 
 
 @pytest.mark.parametrize("case", list(INVISIBLE))

@@ -57,6 +57,7 @@ class Stretch:
         expected_K: How far, from lowest to highest, the heat balance says that it should have moved
             [K]; 0 where no network describes the rest.
         doubt_K: How far that may be wrong [K].
+        lowest_degC: Where the heat balance takes it at its lowest [degC]; infinite without one.
         is_live: The last digit flickers elsewhere, so that standing still is telling by itself.
     """
 
@@ -65,6 +66,7 @@ class Stretch:
     reading_degC: float
     expected_K: float
     doubt_K: float
+    lowest_degC: float
     is_live: bool
 
 
@@ -95,25 +97,30 @@ def frozen_stretches(record: Record, motor: Motor) -> tuple[Stretch, ...]:
     found = []
     for a, b in zip(first[long], past[long], strict=True):
         from_s, to_s = float(time_s[a]), float(time_s[b])
-        expected, doubt = _expected_move(record, motor, from_s, to_s)
+        lowest, highest, doubt = _expected(record, motor, from_s, to_s)
+        expected = highest - lowest if doubt else 0.0
         if is_live:
             is_frozen = bool(loaded[a : b + 1].any())
         else:
             is_frozen = expected > MOVED_STEPS * (step or 0.0) + doubt
         if is_frozen:
-            found.append(Stretch(from_s, to_s, float(winding[a]), expected, doubt, is_live))
+            reading = float(winding[a])
+            found.append(Stretch(from_s, to_s, reading, expected, doubt, lowest, is_live))
     return tuple(found)
 
 
-def _expected_move(record: Record, motor: Motor, from_s: float, to_s: float) -> tuple[float, float]:
-    """How far a network fitted without a stretch moves inside it [K], and its own doubt [K]."""
+def _expected(
+    record: Record, motor: Motor, from_s: float, to_s: float
+) -> tuple[float, float, float]:
+    """Lowest and highest of a network fitted without a stretch inside it [degC], its doubt [K]."""
     fit = quick_fit(record, motor, left_out_s=[(from_s, to_s)])
     if fit is None:
-        return 0.0, 0.0
+        return np.inf, np.inf, 0.0
     inside = (fit.time_s > from_s) & (fit.time_s < to_s)
     if not inside.any():
-        return 0.0, 0.0
-    return float(np.ptp(fit.fitted_degC[inside])), _doubt(fit, inside)
+        return np.inf, np.inf, 0.0
+    expected = fit.fitted_degC[inside]
+    return float(np.min(expected)), float(np.max(expected)), _doubt(fit, inside)
 
 
 def _doubt(fit: QuickFit, inside: np.ndarray) -> float:
@@ -162,6 +169,10 @@ or three equal readings at a crest are chance."""
 
 HARMFUL_K = 2.0
 """Two kelvin is what a two-node network is expected to leave on a test; less hides in that."""
+
+LETS_GO = 7
+"""Samples from the last one at the end of a range that show how a reading leaves it [1]; the first
+fall exceeds the mean of the others by half at most, where it decays within ten samples."""
 
 REST_SHARE = 0.01
 """In parts of the largest value [1]: what an instrument reads of nothing."""
@@ -242,9 +253,10 @@ def saturation(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """Report flat tops: the extreme of a channel repeated as no live signal repeats it.
 
     A winding temperature that is rounded repeats values anyway; it is at the end of its range where
-    its heat balance takes it well beyond its highest reading.
+    its heat balance takes it well beyond its highest reading. What stays there where the balance
+    takes it below is stuck, which `sensor_stuck` tells.
     """
-    found = []
+    found: list[Finding] = []
     for channel in ("winding_degC", "phase_current_A", "losses_W", "stator_degC"):
         time_s, values = samples(record, channel)
         if time_s.size <= FLAT_SAMPLES or np.ptp(values) == 0.0:
@@ -252,7 +264,7 @@ def saturation(record: Record, motor: Motor) -> tuple[Finding, ...]:
         for extreme, word in ((values.max(), "highest"), (values.min(), "lowest")):
             # What current and losses read at rest is no end of a range.
             is_rest = abs(extreme) < REST_SHARE * np.max(np.abs(values))
-            if word == "lowest" and (is_rest or channel == "winding_degC"):
+            if is_rest or (word == "lowest" and channel == "winding_degC"):
                 continue
             first, past = _flat_extreme(values, extreme)
             if first.size:
@@ -282,7 +294,31 @@ def saturation(record: Record, motor: Motor) -> tuple[Finding, ...]:
                 float(time_s[top[-1]]),
             )
         )
-    return tuple(found)
+    of_winding = [one for one in found if "winding_degC" in one.where]
+    is_stuck = bool(of_winding) and _sticks(record, motor)
+    return tuple(one for one in found if not (is_stuck and one in of_winding))
+
+
+def _sticks(record: Record, motor: Motor) -> bool:
+    """Whether the highest reading stands where the heat balance takes it below, or ends in a jump.
+
+    What is clipped comes back as it went: it falls on at the rate at which it leaves the end of its
+    range.
+    """
+    time_s, winding = samples(record, "winding_degC")
+    step = rounding_step(winding) or 0.0
+    top = float(winding.max())
+    for one in frozen_stretches(record, motor):
+        if one.reading_degC != top:
+            continue
+        if one.lowest_degC < top - MOVED_STEPS * step - one.doubt_K:
+            return True
+        past = int(np.searchsorted(time_s, one.to_s))
+        drop, *then = -np.diff(winding[past : past + LETS_GO]) if past + 2 < time_s.size else (0.0,)
+        scatter = 3.0 * float(np.std(then)) if one.is_live and then else step
+        if then and drop > 1.5 * max(float(np.mean(then)), 0.0) + scatter:
+            return True
+    return False
 
 
 def _flat(

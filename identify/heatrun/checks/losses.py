@@ -133,9 +133,9 @@ def losses_below_copper(record: Record, motor: Motor) -> tuple[Finding, ...]:
             if is_told
             else "Check whether phase_current_A is an amplitude (factor 2 in the copper loss; then "
             'phase_current_A = "COLUMN [A_peak]" in [columns]), whether phase_resistance_ohm was '
-            "measured between terminals (factor 2 in star, 2/3 in delta), whether the losses are "
-            "complete, and whether torque and power have one scale "
-            "([parameters.shaft_power_gain] sd says how far they may differ).",
+            "measured between terminals (factor 2 in star, 2/3 in delta), whether phases is right "
+            "(1 for a coil), whether the losses are complete, and whether torque and power have "
+            "one scale ([parameters.shaft_power_gain] sd says how far they may differ).",
             values={
                 "share_of_time": float(np.mean(below)),
                 "copper_share": typical,

@@ -6,7 +6,8 @@ What columns say of each other, before anybody has said what they are.
 
 What is torque·omega is the power at the shaft, what is a little more is the input and no loss. What
 is a voltage times a current is electrical. What warms slowly while a load stands and cools when it
-falls is a winding or a body beside it.
+falls is a winding or a body beside it. What is over a current a resistance that rises as that of
+copper does is the voltage of a winding.
 """
 
 from __future__ import annotations
@@ -24,8 +25,10 @@ from ..readers.clock import parse_time_format, read_stated
 from ..readers.labels import named_unit, speaks_of
 from ..readers.likely_names import LIKELY, NOT_THE_SHAFTS, WEAK, read_name
 from ..readers.mapping import statements, unit_of
+from ..record.by_resistance import quotient
 from ..record.channels import CHANNEL, Channel
 from ..record.derive import shaft_power
+from ..record.motor import COEFFICIENTS_degC
 from ..record.record import ColumnReading, UnitSource
 from ..record.table import Column
 from ..record.units import find_unit, refusal, to_canonical
@@ -290,6 +293,12 @@ LEAST_EFFICIENCY = 0.4
 LEAST_FIT = 0.5
 """Share of the changes of a temperature that its load and its own level explain [1]."""
 
+MOST_JUMP = 0.3
+"""Of the range of a temperature [1]: what moves by more from sample to sample jumps."""
+
+TURNING = ("speed_rpm", "mechanical_power_W")
+"""Channels by which a shaft turns: a voltage over its current is then no resistance."""
+
 LEAST_RISE_K, COLDEST, HOTTEST = 5.0, -40.0, 300.0
 """Of a column that nothing but its course calls a temperature [K, °C]."""
 
@@ -337,8 +346,17 @@ def with_evidence(
         if voltage.shape == current.shape
     }
     loads = [one for name in LOADS for one in by_channel.get(name, {}).items()]
+    is_turning = any(np.nan_to_num(known[name]).any() for name in TURNING if name in known)
     return tuple(
-        _looked_at(one, values.get(one.name), known, products, loads[:MOST_LOADS]) for one in free
+        _looked_at(
+            one,
+            values.get(one.name),
+            known,
+            products,
+            loads[:MOST_LOADS],
+            [] if is_turning else currents[:MOST_LOADS],
+        )
+        for one in free
     )
 
 
@@ -353,6 +371,7 @@ def _looked_at(
     known: Mapping[str, np.ndarray],
     products: Mapping[str, np.ndarray],
     loads: Sequence[tuple[str, np.ndarray]],
+    currents: Sequence[tuple[str, np.ndarray]],
 ) -> FreeColumn:
     if values is None or column.course is None:
         return column
@@ -360,6 +379,9 @@ def _looked_at(
         if CHANNEL[one.channel].quantity == "power":
             power_W = _converted(values, one.channel, one.unit)
             return replace(column, evidence=power_evidence(power_W, known, products))
+        if one.channel == "winding_voltage_V":
+            volts = _converted(values, one.channel, one.unit)
+            return replace(column, evidence=_voltage_evidence(volts, currents))
     is_unknown = not column.proposals and not column.unit and not column.remark
     may_warm = is_unknown and _may_be_a_temperature(column.course)
     if not may_warm and not any(one.channel == "winding_degC" for one in column.proposals):
@@ -373,6 +395,46 @@ def _looked_at(
             warms = Evidence(True, f"warms with '{name}' and cools when it falls")
             return replace(column, proposals=proposals, evidence={"winding_degC": warms})
     return column
+
+
+def _voltage_evidence(
+    volts: np.ndarray, currents: Sequence[tuple[str, np.ndarray]]
+) -> dict[str, Evidence]:
+    """Return what a voltage [V] says of itself as that of a winding under direct current."""
+    for name, amperes in currents:
+        ohm = warm_resistance(volts, amperes)
+        if ohm is not None:
+            words = f"over '{name}' it is {ohm[0]:.4g} … {ohm[1]:.4g} ohm, as copper that warms"
+            return {"winding_voltage_V": Evidence(True, words, is_alone=True)}
+    return {"winding_voltage_V": Evidence(False, "over no current a resistance that warms")}
+
+
+def warm_resistance(volts: np.ndarray, amperes: np.ndarray) -> tuple[float, float] | None:
+    """Return the least and the largest resistance of a winding [ohm], None if there is none.
+
+    What a source holds over what a drive draws jumps with the load, and spreads by more than copper
+    does from frost to the limit of any insulation.
+
+    Args:
+        volts: Voltage [V], shape (time,).
+        amperes: Current [A], shape (time,).
+    """
+    if volts.shape != amperes.shape or volts.size < 20:
+        return None
+    current = _samples(amperes)
+    ohm = quotient(_samples(volts), current)
+    flows = np.isfinite(ohm)
+    if np.count_nonzero(flows) < 20:
+        return None
+    low, high = np.quantile(ohm[flows], (SPIKES, 1.0 - SPIKES))
+    rise_K = (COEFFICIENTS_degC["copper"] + COLDEST) * (high / low - 1.0)
+    change = np.abs(np.diff(ohm))
+    if not LEAST_RISE_K <= rise_K <= HOTTEST - COLDEST or np.nanmax(change) > MOST_JUMP * (
+        high - low
+    ):
+        return None
+    is_cold_first = ohm[flows][0] < low + MOST_JUMP * (high - low)
+    return (float(low), float(high)) if is_cold_first or warms_with(ohm, current) else None
 
 
 def _may_be_a_temperature(course: Course) -> bool:
@@ -443,7 +505,7 @@ def warms_with(temperature: np.ndarray, load: np.ndarray) -> bool:
     if level.size < 20 or np.ptp(level) == 0.0 or np.ptp(heat) == 0.0:
         return False
     change = np.diff(level)
-    if np.max(np.abs(change)) > 0.3 * np.ptp(level):  # it jumps
+    if np.max(np.abs(change)) > MOST_JUMP * np.ptp(level):
         return False
     columns = np.column_stack((heat[1:] / np.ptp(heat), level[:-1], np.ones(change.size)))
     a, b, c = np.linalg.lstsq(columns, change, rcond=None)[0]

@@ -29,7 +29,7 @@ from pathlib import Path
 from ..io.quantities import printable
 from ..readers.likely_names import LIKELY, SURE, read_name
 from ..readers.read import name_of_test
-from ..record.by_resistance import tells_winding
+from ..record.by_resistance import QUOTIENTS, tells_winding
 from ..record.channels import CHANNEL, REQUIRED
 from ..record.derive import DERIVATIONS, ELECTRICAL, Derivation
 from ..record.motor import COEFFICIENTS_degC
@@ -481,9 +481,14 @@ def _needed(name: str, files: Sequence[Survey], have: Set[str]) -> list[tuple[st
     """Return the channels that lead to one that is missing, each with the formula, or itself."""
     direct = _best(name, files)
     score = direct.candidate.score if direct else 0
-    if score >= (LIKELY if name == "losses_W" else SURE):
+    if score >= (LIKELY if name in ("losses_W", "winding_degC") else SURE):
         return [(name, "")]
-    ways = [_way(way, files, have) for way in DERIVATIONS if way.channel == name and way.is_general]
+    if name == "winding_degC":
+        is_moved = direct is not None and direct.candidate.move >= LEAST_MOVE_K
+        known = () if is_moved else QUOTIENTS
+    else:
+        known = [way for way in DERIVATIONS if way.channel == name and way.is_general]
+    ways = [_way(way, files, have) for way in known]
     # what needs the fewest numbers of a person, then the fewest columns
     told = sorted((way for way in ways if way), key=lambda way: (way[0], len(way[1])))
     return told[0][1] if told else [(name, "")]
@@ -574,7 +579,8 @@ def _channel(name: str, wanted: Mapping[str, str], tests: Mapping[str, Sequence[
     """
     surveys = [one for test in wanted for one in tests[test]]
     formula = next((one for one in wanted.values() if one), "")
-    target = next((way.channel for way in DERIVATIONS if way.formula == formula), "")
+    ways = (*DERIVATIONS, *QUOTIENTS)
+    target = next((way.channel for way in ways if way.formula == formula), "")
     sentence = WHY.get(name, "") if not formula else f"{target} is {formula}."
     if name == "losses_W":
         sentence = sentence.format("; or ".join(" and ".join(way.needs) for way in ELECTRICAL))

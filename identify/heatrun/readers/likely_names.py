@@ -185,6 +185,7 @@ SPOKEN: tuple[tuple[str, str, str, int], ...] = (
     ("mechanical_power_W", "power mechanical", "loss", SURE),
     ("mechanical_power_W", "power outlet", "loss", LIKELY),
     ("mechanical_power_W", "power m", "loss", LIKELY),
+    ("winding_voltage_V", "voltage", "input d q", WEAK),
     ("u_d_V", "voltage d", "", LIKELY),
     ("u_q_V", "voltage q", "", LIKELY),
     ("i_d_A", "current d", "", LIKELY),

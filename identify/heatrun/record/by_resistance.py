@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..errors import InputError
+from .derive import Channels, Derivation
 from .motor import Motor
 from .record import Record
 from .stretch import windows
@@ -156,15 +157,28 @@ def measured_resistance(record: Record) -> tuple[Float[np.ndarray, " time"], str
     if "winding_resistance_ohm" in record:
         ohm = record["winding_resistance_ohm"]
         return _possible(ohm), "as the meter shows it"
-    current = next((n for n in ("dc_current_A", "phase_current_A") if n in record), None)
-    if "winding_voltage_V" not in record or current is None:
-        return None
-    amperes = record[current]
+    way = next((one for one in QUOTIENTS if one.is_open(record.channels)), None)
+    return None if way is None else (way.compute(record.channels, 1), way.formula)
+
+
+def quotient(
+    volts: Float[np.ndarray, " time"], amperes: Float[np.ndarray, " time"]
+) -> Float[np.ndarray, " time"]:
+    """Return the resistance [ohm] by voltage [V] and current [A], NaN where too little flows."""
     flows = np.abs(amperes) > LEAST_CURRENT * np.nanmax(np.abs(amperes), initial=0.0)
-    ohm = np.divide(
-        record["winding_voltage_V"], amperes, out=np.full(amperes.shape, np.nan), where=flows
-    )
-    return _possible(ohm), f"winding_voltage_V over {current}"
+    return _possible(np.divide(volts, amperes, out=np.full(amperes.shape, np.nan), where=flows))
+
+
+def _quotient(current: str) -> Derivation:
+    def compute(channels: Channels, _: int) -> np.ndarray:
+        return quotient(channels["winding_voltage_V"], channels[current])
+
+    needs = ("winding_voltage_V", current)
+    return Derivation("winding_resistance_ohm", needs, compute, f"winding_voltage_V over {current}")
+
+
+QUOTIENTS = tuple(map(_quotient, ("dc_current_A", "phase_current_A")))
+"""Ways to a resistance that no meter shows, in order of preference."""
 
 
 def _possible(ohm: Float[np.ndarray, " time"]) -> Float[np.ndarray, " time"]:

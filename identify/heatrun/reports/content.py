@@ -16,7 +16,7 @@ from ..results.model import AT_REST, LOADED, DerivedFigure, DescribedTest, Fitte
 from ..results.values import Interval, known
 from ..runs.verdict import concerns, favoured
 from .certificate import ON_PAGE_1, certificate_content, places_of_current
-from .printed import format_interval, format_value, num_stated, signed
+from .printed import format_interval, format_value, num_stated, signed, under_meaning
 
 GRAVITY = {"error": 0, "warning": 1, "note": 2}
 
@@ -65,10 +65,10 @@ def sheet_content(
             for name, entry in model.derived.items()
             if name not in ON_PAGE_1 and not name.endswith((LOADED, AT_REST))
         ],
-        "graver": [[say(each.severity), _sentence(each, result)] for each in graver],
+        "graver": [[say(each.severity), _sentence(each, result, say)] for each in graver],
         "after_findings": _after_findings(len(graver), len(own) - len(graver), say),
         "comparison": [clean(w) for w in (result.comparison.words if result.comparison else ())],
-        "findings": [[each.severity, _sentence(each, result)] for each in own],
+        "findings": [[each.severity, _sentence(each, result, say)] for each in own],
         "limits": [
             say("scale_of_losses"),
             *filter(None, [say.again(model.about_missing())]),
@@ -103,10 +103,10 @@ def _assumed(rows: Sequence[Sequence[str]]) -> list[str]:
     return [row[0] for row in rows if row[3] == KNOWN_BY["assumed"]]
 
 
-def _sentence(finding: Finding, result: FitResult) -> str:
+def _sentence(finding: Finding, result: FitResult, say: Texts) -> str:
     paths = [result.motor.path, *(test.path for test in result.tests)]
     text = f"{finding.where}: {finding.message} {finding.remedy}".strip(": ")
-    return clean(without_folders(text, paths))
+    return clean(without_folders(under_meaning(finding.id, text, say), paths))
 
 
 def _after_findings(num_graver: int, num_notes: int, say: Texts) -> str:

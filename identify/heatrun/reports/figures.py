@@ -8,17 +8,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from textwrap import fill
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from ..attempts import Attempts
 from ..io.quantities import printed_unit
-from ..io.texts import Texts
+from ..io.texts import LANGUAGES, Texts
 from ..io.whole_files import whole
 
 COLOURS = {"first": "#D55E00", "second": "#0072B2", "measured": "#222222"}
@@ -63,7 +65,7 @@ def draw(
         for number, table in enumerate(tables, start=1)
     }
     if len(titles) == 2:
-        wanted[f"{'_against_'.join(titles)}.png"] = partial(errors, tables, titles)
+        wanted[f"{'_against_'.join(titles)}.png"] = partial(errors, tables, titles, say)
     if draws:
         wanted["posterior.png"] = partial(pairs, draws, units)
     written = [drawn(figure, folder / name, attempts) for name, figure in wanted.items()]
@@ -124,7 +126,9 @@ def course(name: str, role: str, table: pd.DataFrame, network: str, say: Texts) 
     return figure
 
 
-def errors(tables: Sequence[tuple[str, str, pd.DataFrame]], titles: Mapping[str, str]) -> Figure:
+def errors(
+    tables: Sequence[tuple[str, str, pd.DataFrame]], titles: Mapping[str, str], say: Texts
+) -> Figure:
     """Return the absolute error of two networks over time, with lines at 1, 2 and 5 K."""
     figure = Figure(figsize=(7.2, 1.0 + 1.9 * len(tables)))
     axes = np.atleast_1d(figure.subplots(len(tables), 1))
@@ -132,16 +136,16 @@ def errors(tables: Sequence[tuple[str, str, pd.DataFrame]], titles: Mapping[str,
         for colour, (order, title) in zip(("first", "second"), titles.items(), strict=True):
             axis.semilogy(table["time_s"] / 60.0,
                           np.maximum(np.abs(table[f"{order}_residual_K"]), 1e-2),
-                          color=COLOURS[colour], lw=0.9, label=title)  # fmt: skip
+                          color=COLOURS[colour], lw=0.9, label=say.again(title))  # fmt: skip
         for limit in LIMITS_K:
             axis.axhline(limit, color="0.6", lw=0.6, ls=":")
             axis.annotate(f"{limit:g} K", (1.005, limit), xycoords=("axes fraction", "data"),
                           fontsize=7, va="center")  # fmt: skip
-        axis.set_ylabel("|error| [K]")
-        axis.set_title(f"{plain(name)} ({role})", loc="left", fontsize=9, y=1.0)
+        axis.set_ylabel(say("error_K"))
+        axis.set_title(f"{plain(name)} ({say(role)})", loc="left", fontsize=9, y=1.0)
     axes[0].legend(fontsize=7, frameon=False, ncols=2, loc="lower right",
                    bbox_to_anchor=(1.0, 1.0))  # fmt: skip
-    axes[-1].set_xlabel("time [min]")
+    axes[-1].set_xlabel(say("time_min"))
     finish(list(axes))
     stack(figure, list(axes), [0.27, *[0.45] * (len(tables) - 1)], right=0.35)
     return figure
@@ -232,6 +236,28 @@ def finish(axes: Sequence[Axes], say: Texts | None = None) -> None:
             axis.yaxis.set_major_formatter(Decimal(say))
         axis.tick_params(labelsize=8)
         axis.spines["top"].set_visible(False)
+
+
+BESIDE_CHARACTERS = 16
+"""Characters of 8 pt that a label of several lines has room for beside a low panel."""
+
+
+def again(figure: Figure, say: Texts) -> Figure:
+    """Return a figure whose labels were English with labels and numbers in a language."""
+    if say.language == LANGUAGES[0]:
+        return figure
+    for text in figure.findobj(Text):
+        assert isinstance(text, Text)
+        said = say.again(" ".join(text.get_text().split()))
+        if "\n[" in text.get_text():
+            said = said.replace(" [", "\n[")
+        elif "\n" in text.get_text():
+            said = fill(said, BESIDE_CHARACTERS)
+        text.set_text(said)
+    for axis in (each for axes in figure.axes for each in (axes.xaxis, axes.yaxis)):
+        if type(axis.get_major_formatter()) is ScalarFormatter:
+            axis.set_major_formatter(Decimal(say))
+    return figure
 
 
 TICK_LABELS_IN = 0.46

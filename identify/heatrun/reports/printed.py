@@ -16,7 +16,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ..io.quantities import quantity, rounded
+from ..io.texts import LANGUAGES, Texts
 from ..record.derive import constants_of
+from ..record.findings import FINDINGS
 from ..record.motor import Certificate
 from ..results import FitResult
 from ..results.model import DescribedTest, FittedParameter
@@ -235,3 +237,10 @@ def _by_record(result: FitResult) -> tuple[str, str]:
 def num_stated(tests: Sequence[DescribedTest], channel: str) -> int:
     """Return in how many tests a channel is a constant of the motor file."""
     return sum(channel in constants_of(test.notes) for test in tests)
+
+
+def under_meaning(id: str, text: str, say: Texts) -> str:
+    """Return the English sentences of a finding, elsewhere under what all of its id mean."""
+    if say.language == LANGUAGES[0] or id not in FINDINGS:
+        return text
+    return f"{say.again(FINDINGS[id].meaning)} {text}"

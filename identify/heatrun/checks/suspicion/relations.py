@@ -264,7 +264,8 @@ def _time_scale(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]
     came = f"the record shows {rounded(tau)} s"
     channels = ("time_s", "winding_degC", "losses_W")
     has_settled = seen.duration_s > SETTLES * tau
-    if tau < shortest and (is_strict or (has_settled and _stays_short(record, motor, shortest))):
+    is_judged = is_strict or has_settled
+    if tau < shortest and is_judged and _stays_short(record, motor, shortest):
         sentence = f"Expected a time constant above {rounded(shortest, 2)} s{size}; {came}."
         is_of_air = tau > _shortest(G, "coolant")
         is_mild = is_of_air or is_brief(seen.duration_s, G, motor.sink)

@@ -259,13 +259,17 @@ def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
     unusual = {conflict.id for conflict in conflicts(record, motor, is_strict=True)}
     settled = unusual - {id for family in FAMILIES if family & ids for id in family} - CLOCK
 
-    def mends(one: OtherReading) -> bool:
+    def mends(one: OtherReading, *, may_be_mild: bool = False) -> bool:
         stays = unusual & _kept(one, record) - ids
         must_show = is_shown and (is_whole or "time_s" in one.channels)
-        return _is_asked(one, ids) and _mends(one, settled | stays, must_show)
+        return _is_asked(one, ids) and _mends(one, settled | stays, must_show, may_be_mild)
 
     mending = [one for one in other_readings(record, motor) if mends(one)]
-    # A resistance that is in doubt does not free the columns from it.
+    # A resistance that is in doubt does not free the columns from it, nor does a machine that is
+    # cooled better than others.
+    if not any(one.channels for one in mending) and not all(c.is_odd or c.is_mild for c in broken):
+        found = (one for one in other_readings(record, motor) if one.channels)
+        mending += [one for one in found if mends(one, may_be_mild=True)]
     if not any(one.channels for one in mending) and not all(c.is_odd for c in broken):
         mending += [one for one in scaled_readings(record, motor) if mends(one)]
     mending = _ranked(mending)
@@ -370,21 +374,26 @@ def _kept(one: OtherReading, record: Record) -> set[str]:
     return {"too_fast", "too_slow"} if changed == {"torque_Nm"} else set()
 
 
-def _mends(one: OtherReading, left: set[str], is_shown: bool) -> bool:
+def _mends(one: OtherReading, left: set[str], is_shown: bool, may_be_mild: bool) -> bool:
     """Whether nothing is broken any longer, and nothing unusual either.
 
     Args:
         one: The record, read otherwise.
         left: Relations that are unusual as it was read and not in question: they may stay so.
         is_shown: The record shows a time constant as it was read: then it must still do so.
+        may_be_mild: What another kind of cooling explains may stay broken.
     """
     if is_shown and one_node(one.record, one.motor) is None:
         return False
+    unusual = {c.id for c in conflicts(one.record, one.motor, is_strict=True)} - left
+    if unusual and not may_be_mild:
+        return False  # most suppositions end here: what is possible takes a fit
+    broken = conflicts(one.record, one.motor)
+    mild = {c.id for c in broken if c.is_mild and may_be_mild}
     left_symptoms = OF_THE_SENSOR if "time_s" not in one.channels else frozenset()
-    # what is unusual first: most suppositions end there, and what is possible takes a fit
     return not (
-        any(c.id not in left for c in conflicts(one.record, one.motor, is_strict=True))
-        or conflicts(one.record, one.motor)
+        unusual - mild
+        or any(c.id not in mild for c in broken)
         or set(_symptoms(one.record, one.motor)) - left_symptoms
         or any(f.severity == "error" for f in units_temperature(one.record, one.motor))
     )
@@ -394,11 +403,14 @@ def _ranked(mending: Sequence[OtherReading]) -> list[OtherReading]:
     """Those that bring the machine nearest to the usual ones, single columns for groups."""
     distance = [_from_usual(one.record, one.motor) for one in mending]
     least = min(distance, default=0.0)
+    pairs = zip(mending, distance, strict=True)
+    least_of_columns = min((far for one, far in pairs if one.channels), default=least)
     # Of what is equally usual the smaller mistake comes first.
     near = sorted(
         (abs(math.log(one.factor)), len(one.channels), position)
         for position, (one, far) in enumerate(zip(mending, distance, strict=True))
-        if far < least + math.log(MUCH_BETTER)
+        # a resistance that is in doubt frees no column from it
+        if far < (least_of_columns if one.channels else least) + math.log(MUCH_BETTER)
     )
     chosen = [mending[position] for _, _, position in near]
     single = {(*one.channels, one.unit) for one in chosen if len(one.channels) == 1}
