@@ -160,7 +160,7 @@ def test_an_optimum_counts_where_a_visible_share_of_the_posterior_lies(fitted, m
     masses = iter([0.0, -3.0, -6.0])  # 95 %, 4.7 % and 0.2 % of it
     monkeypatch.setattr(fit_module, "_log_mass", lambda *_: next(masses))
     optima = [fitted.z, fitted.z + 1.0, fitted.z + 2.0]
-    kept = fit_module._sharing(fitted.problem, fitted.noise_z, optima)
+    kept = fit_module.sharing(fitted.problem, fitted.noise_z, optima)
     assert np.array_equal(kept, np.stack(optima[:2]))
 
 

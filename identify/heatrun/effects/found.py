@@ -13,7 +13,7 @@ import numpy as np
 from lptn.effects import AbstractEffect
 
 from ..arithmetic import refuse_wrong_sums
-from ..fit.fit import finished
+from ..fit.fit import RIVAL, SAME_OPTIMUM, distinct, finished, sharing
 from ..fit.fit_result import Fit
 from ..fit.restricted import estimate_noise
 from ..model.catalogue import all_effects
@@ -26,7 +26,7 @@ from ..posterior.fit_checks import holding_heat
 from ..record.blocks import Blocks
 from ..record.motor import Motor
 from ..record.record import Finding
-from .engine import Candidate, Engine, Library, library, without_resistance
+from .engine import Candidate, Engine, Library, Refit, library, without_resistance
 from .search import Member, Search, Set
 
 
@@ -64,6 +64,12 @@ NUM_DRAWS = 4000
 ROUNDS, SETTLED = 6, 0.02
 """Most rounds of noise and least squares, and the change of all scores at which they end [prior
 standard deviations]."""
+
+FAR = 4.0
+"""How far from an optimum another one is looked for [standard deviations of its linear model]."""
+
+MOST_EVALUATIONS = 25
+"""Of a search from there."""
 
 POSSIBLE = 0.05
 """Probability from which on another network is told as possible [1]."""
@@ -296,24 +302,64 @@ def as_fit(search: Search, member: Member, model: Model) -> Fit:
 
 
 def _settled(search: Search, problem: Problem, member: Member, reached_K: float) -> Fit:
-    """Return the fit after rounds of noise, unmodelled heat and least squares."""
+    """Return the fit after rounds of noise, unmodelled heat and least squares, from the found
+    optimum and from where the tests hold the network least: a slow winding behind a fast sensor
+    and a fast one behind a slow sensor, for example, read much alike.
+    """
     engine = search.engine
     order = [engine.find(s.parameter.name, s.test) for s in problem.parameters.slots]
     slots = [slot for slot in order if slot is not None]
-    z, noise_z = member.z, member.noise_z
+    problem, found, noise_z, shift = _alternated(engine, problem, slots, member.z, member.noise_z)
+    assert problem.heat is not None
+    at_noise = engine.with_heat(problem.heat)
+    others = [
+        at_noise.refit(start, slots, from_scores(noise_z), MOST_EVALUATIONS)
+        for start in _least_held(engine, found, noise_z)
+    ]
+    nearest = min([found, *others], key=lambda each: each.chi2)
+    if nearest.chi2 < found.chi2 - 2.0 * SAME_OPTIMUM:
+        others.append(found)
+        problem, found, noise_z, shift = _alternated(engine, problem, slots, nearest.z, noise_z)
+    rivals = [each.z[slots] for each in others if each.chi2 < found.chi2 + 2.0 * RIVAL]
+    z = found.z[slots]
+    return finished(
+        problem, z, noise_z, found.residual, found.jacobian,
+        sharing(problem, noise_z, distinct([z, *rivals])),
+        is_converged=shift < 10 * SETTLED,
+        stats={"rmse_white_K": reached_K},
+    )  # fmt: skip
+
+
+def _alternated(
+    engine: Engine, problem: Problem, slots: Sequence[int], z: np.ndarray, noise_z: np.ndarray
+) -> tuple[Problem, Refit, np.ndarray, float]:
+    """Alternate noise, unmodelled heat and least squares until no score moves; return the problem,
+    the optimum, the scores of the noise and the last change of the scores.
+    """
     residual, jacobian = engine.linearise(z, slots)
-    shift = np.inf
-    for _ in range(ROUNDS):
+    for last in reversed(range(ROUNDS)):
         problem = with_heat(problem, z[slots])
         assert problem.heat is not None
         noise_z = estimate_noise(problem, z[slots], residual, jacobian, start=noise_z)
         found = engine.with_heat(problem.heat).refit(z, slots, from_scores(noise_z))
         shift = float(np.max(np.abs(found.z[slots] - z[slots])))
         z, residual, jacobian = found.z, found.residual, found.jacobian
-        if shift < SETTLED:
-            break
-    return finished(
-        problem, z[slots], noise_z, residual, jacobian, z[slots][None],
-        is_converged=shift < 10 * SETTLED,
-        stats={"rmse_white_K": reached_K},
-    )  # fmt: skip
+        if shift < SETTLED or not last:
+            return problem, found, noise_z, shift
+    raise AssertionError("ROUNDS is at least 1")
+
+
+def _least_held(engine: Engine, found: Refit, noise_z: np.ndarray) -> list[np.ndarray]:
+    """Return scores far out on both sides along the combination of the network's parameters that
+    the tests hold least, the others following by the linear model.
+    """
+    free = list(found.free)
+    columns = engine.whiten(from_scores(noise_z), found.jacobian)
+    covariance = np.linalg.inv(columns.T @ columns + np.eye(len(free)))
+    network = [i for i, slot in enumerate(free) if engine.slots[slot].parameter.role == "network"]
+    width, ways = np.linalg.eigh(covariance[np.ix_(network, network)])
+    out = covariance[:, network] @ ways[:, -1] / np.sqrt(width[-1])
+    starts = [found.z.copy(), found.z.copy()]
+    for start, side in zip(starts, (-FAR, FAR), strict=True):
+        start[free] += side * out
+    return starts

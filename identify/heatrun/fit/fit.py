@@ -518,16 +518,16 @@ def _explore(
 
     Those that hold a visible share of the posterior must be sampled too.
     """
-    starts = _distinct([state.z, *optima[np.all(np.isfinite(optima), axis=1)]])
+    starts = distinct([state.z, *optima[np.all(np.isfinite(optima), axis=1)]])
     z, cost, _ = _search(problem, from_scores(state.noise_z), np.stack(starts))
     best = int(np.argmin(cost))
     if cost[best] < cost[0] - SAME_OPTIMUM:
         problem, state = _settle(problem, z[best])
     rivals = [z[index] for index in np.argsort(cost) if cost[index] < cost[best] + RIVAL]
-    return problem, state, _sharing(problem, state.noise_z, _distinct([state.z, *rivals]))
+    return problem, state, sharing(problem, state.noise_z, distinct([state.z, *rivals]))
 
 
-def _sharing(
+def sharing(
     problem: Problem, noise_z: np.ndarray, optima: list[np.ndarray]
 ) -> Float[np.ndarray, "mode parameter"]:
     """Return the first optimum, and those that hold a visible share of the posterior beside it, by
@@ -549,7 +549,7 @@ def _sharing(
 _log_mass = compiled()(restricted_log_likelihood)
 
 
-def _distinct(optima: list[np.ndarray]) -> list[np.ndarray]:
+def distinct(optima: list[np.ndarray]) -> list[np.ndarray]:
     """Return the optima without those that an earlier one stands for."""
     kept: list[np.ndarray] = []
     for z in optima:
