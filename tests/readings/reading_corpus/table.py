@@ -13,7 +13,12 @@ from .case import Case, Truth
 from .machine import MACHINES, heat_run
 from .units import CHANNELS, FIVE, worth
 
-Cells = list[list[str]]
+STEMS = {"time_s": "time", "phase_current_A": "phase_current", "losses_W": "losses",
+         "ambient_degC": "ambient", "winding_degC": "winding"}  # fmt: skip
+"""Names that say nothing of units."""
+
+THESIS = dict(zip(FIVE, ("t", "Is", "Pd", "Te", "Tw_m"), strict=True))
+"""Names of the thesis."""
 
 
 @dataclass(frozen=True)
@@ -111,6 +116,13 @@ class Sheet:
         return replace(self, columns=tuple(
             replace(c, cells=tuple(change(cell) for cell in c.cells))
             if channel in (c.channel, "*") else c for c in self.columns
+        ))  # fmt: skip
+
+    def with_numbers(self, channel: str, change: Callable[[np.ndarray], np.ndarray]) -> Sheet:
+        """Return the same with the numbers of one channel changed, for files that hold numbers."""
+        return replace(self, columns=tuple(
+            replace(c, numbers=change(c.numbers)) if c.channel == channel else c
+            for c in self.columns
         ))  # fmt: skip
 
 
