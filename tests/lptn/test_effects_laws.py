@@ -1,8 +1,8 @@
-"""Laws of single effects against numbers worked out apart from them."""
+"""The laws of single effects against numbers worked out by hand, at one instant or as a course."""
 
 from __future__ import annotations
 
-import dataclasses
+import math
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -14,83 +14,167 @@ import lptn
 from lptn import CopperLosses
 from lptn.effects import build
 from lptn.effects.bodies import EndWindingNode, HousingNode, RotorNode
+from lptn.effects.cooling import CoolingStep, FanCooling
 from lptn.effects.losses import (
     AcCopperLoss,
+    BearingFriction,
     CopperCoefficient,
     ExternalLoss,
     IronLossInWinding,
+    LossGain,
+    StandbyLoss,
     StrayLoadLoss,
+    WindingResistance,
 )
-from lptn.effects.sensors import TimeShift
+from lptn.effects.sensors import SensorContact, SensorGain, TimeShift
+from lptn.effects.sinks import AmbientDrift, AmbientRecirculation, CoolantSink
 from lptn.effects.surface import NaturalConvection, Radiation
+from lptn.effects.winding_path import ContactDrift, InsulationConductivity
 from lptn.stepping import heat_balance
 
-HOT = {"winding": jnp.asarray(90.0), "stator": jnp.asarray(80.0)}
+TEMPERATURE = {"winding": jnp.asarray(90.0), "stator": jnp.asarray(80.0)}
+MOMENT = lptn.Drive(
+    time=jnp.asarray(1800.0),
+    current_squared=jnp.asarray(100.0**2),
+    losses=jnp.asarray(700.0),
+    ambient=jnp.asarray(20.0),
+    speed=jnp.asarray(-0.5),  # the direction of rotation changes nothing
+    speed_rad=jnp.asarray(-200.0),
+    coolant=jnp.asarray(35.0),
+    fan=jnp.asarray(0.6),
+    current_ratio_squared=jnp.asarray(0.25),
+)
+COPPER_W = 3 * 100.0**2 * 0.0062 * (234.5 + 90.0) / (234.5 + 25.0)
+WINDING_PATH = ("winding", "stator")
+SINK_PATH = ("stator", "ambient")
 
 
-def terms(network, losses, short, kind=None, **values):
-    """The balance at the last interval with winding at 90 and stator at 80 degC."""
-    drive = short.drive()
-    drive = type(drive)(**{
-        f.name: None if getattr(drive, f.name) is None else getattr(drive, f.name)[-1]
-        for f in dataclasses.fields(drive)
-    })  # fmt: skip
-    effects = [] if kind is None else [build(kind, values, network)]
-    return heat_balance(network, losses, effects, HOT, drive), drive
+@pytest.fixture(params=["balance", "map"])
+def moment(request, network):
+    """The balance of the moment under some effect, for either meaning of the loss channel."""
+    losses = CopperLosses(Rs0=jnp.asarray(0.0062), kind=request.param)
+
+    def terms(kind=None, **values):
+        effects = [] if kind is None else [build(kind, values, network)]
+        return heat_balance(network, losses, effects, TEMPERATURE, MOMENT)
+
+    return terms
 
 
-def test_radiation_is_the_law_of_stefan_and_boltzmann(network, losses, short):
-    base, drive = terms(network, losses, short)
-    seen, _ = terms(network, losses, short, Radiation, eA=0.5)
-    cold = float(drive.ambient) + 273.15
-    expected = -0.5 * 5.670374419e-8 * (353.15**4 - cold**4)
-    assert float(seen.heat["stator"] - base.heat["stator"]) == pytest.approx(expected, rel=1e-12)
+def added(base, seen, node):
+    return float(seen.heat[node] - base.heat[node])
 
 
-@pytest.mark.parametrize("kind", ["balance", "map"])
-def test_losses_move_under_a_balance_and_add_under_a_map(network, short, kind):
-    losses = CopperLosses(Rs0=jnp.asarray(0.0062), kind=kind)
-    base, drive = terms(network, losses, short)
-    copper = 3 * float(drive.current_squared) * 0.0062 * (234.5 + 90.0) / (234.5 + 25.0)
-    s = float(drive.speed)
-    for effect, values, watts in (
-        (AcCopperLoss, {"k": 0.4}, 0.4 * copper * s**2),
-        (CopperCoefficient, {"dB": 10.0},
-         copper * ((334.5 / 269.5) / (324.5 / 259.5) - 1.0)),
-    ):  # fmt: skip
-        seen, _ = terms(network, losses, short, effect, **values)
-        assert float(seen.heat["winding"] - base.heat["winding"]) == pytest.approx(watts, rel=1e-9)
-        taken = -watts if kind == "balance" else 0.0
-        assert float(seen.heat["stator"] - base.heat["stator"]) == pytest.approx(taken, abs=1e-9)
-    stray, _ = terms(network, losses, short, StrayLoadLoss, k=100.0)
-    watts = 100.0 * float(drive.current_ratio_squared) * s**1.5
-    node = "winding" if kind == "balance" else "stator"
-    assert float(stray.heat[node] - base.heat[node]) == pytest.approx(watts, rel=1e-9)
+@pytest.mark.parametrize(
+    ("kind", "values", "link", "factor"),
+    [
+        (FanCooling, {"g": 0.5}, SINK_PATH, 1.0 + 0.5 * 0.6),
+        (CoolingStep, {"k": 2.0, "t_star": 600.0}, SINK_PATH, 2.0),
+        (CoolingStep, {"k": 2.0, "t_star": 3000.0}, SINK_PATH, 1.0),
+        (CoolingStep, {"k": 2.0, "t_star": 1800.0}, SINK_PATH, 1.5),
+        # 60 K against the 40 K at which it holds, rounded off below 1 K
+        (NaturalConvection, {"f": 0.6, "n": 0.25}, SINK_PATH, 0.4 + 0.6 * (3601 / 1600) ** 0.125),
+        (InsulationConductivity, {"b": 0.004}, WINDING_PATH, 1.0 + 0.004 * 30.0),
+        (ContactDrift, {"d": 0.1}, WINDING_PATH, 1.0 / 1.05),
+    ],
+)
+def test_a_path_conducts_by_the_law(kind, values, link, factor, moment):
+    base, seen = moment(), moment(kind, **values)
+    for path, conductance in base.conductance.items():
+        expected = factor if path == link else 1.0
+        # 1200 s are 80 widths of the logistic course: nothing is left of its tails
+        assert float(seen.conductance[path] / conductance) == pytest.approx(expected, rel=1e-12)
+    assert seen.heat == base.heat
+    assert seen.sink == base.sink
 
 
-def test_iron_loss_moves_and_external_loss_leaves(network, losses, short):
-    base, drive = terms(network, losses, short)
-    other = float(base.other)
-    moved, _ = terms(network, losses, short, IronLossInWinding, q=0.2)
-    assert float(moved.heat["winding"] - base.heat["winding"]) == pytest.approx(0.2 * other)
-    assert float(sum(moved.heat.values())) == pytest.approx(float(sum(base.heat.values())))
-    left, _ = terms(network, losses, short, ExternalLoss, k=0.1, m=1.0)
-    lost = 0.1 * other * float(drive.speed)
-    assert float(sum(base.heat.values()) - sum(left.heat.values())) == pytest.approx(lost)
+@pytest.mark.parametrize(
+    ("kind", "values", "rise"),
+    [(CoolantSink, {"a": 0.4}, 0.4 * 15.0), (AmbientDrift, {"d": -3.0}, -1.5)],
+)
+def test_the_sink_sits_where_the_law_puts_it(kind, values, rise, moment):
+    base, seen = moment(), moment(kind, **values)
+    assert float(seen.sink) == pytest.approx(20.0 + rise, rel=1e-12)
+    assert seen.heat == base.heat
+    assert seen.conductance == base.conductance
 
 
-def test_natural_convection_holds_at_forty_kelvin(network, losses, short):
-    link = ("stator", "ambient")
-    base, drive = terms(network, losses, short)
-    seen, _ = terms(network, losses, short, NaturalConvection, f=0.6, n=0.25)
-    theta = 80.0 - float(drive.ambient)
-    # the rounding off below 1 K changes the law by (1 K/theta)^2/8
-    expected = 1.0 - 0.6 + 0.6 * (theta / 40.0) ** 0.25
-    factor = float(seen.conductance[link] / base.conductance[link])
-    assert factor == pytest.approx(expected, rel=2e-4)
+def test_recirculation_goes_with_all_losses(moment):
+    total = 700.0 if moment().losses.kind == "balance" else 700.0 + COPPER_W
+    seen = moment(AmbientRecirculation, r=0.01)
+    assert float(seen.sink) == pytest.approx(20.0 + 0.01 * total, rel=1e-12)
 
 
-def test_a_housing_is_a_ladder_as_seen_from_the_winding(network, losses, short, start):
+@pytest.mark.parametrize(
+    ("kind", "values", "watts"),
+    [
+        (WindingResistance, {"g": 0.1}, 0.1 * COPPER_W),
+        (AcCopperLoss, {"k": 0.4}, 0.4 * COPPER_W * 0.5**2),
+        (CopperCoefficient, {"dB": 10.0}, COPPER_W * (334.5 / 269.5 * 259.5 / 324.5 - 1.0)),
+    ],
+)
+def test_copper_losses_move_under_a_balance_and_add_under_a_map(kind, values, watts, moment):
+    base, seen = moment(), moment(kind, **values)
+    taken = -watts if base.losses.kind == "balance" else 0.0
+    assert added(base, seen, "winding") == pytest.approx(watts, rel=1e-9)
+    assert added(base, seen, "stator") == pytest.approx(taken, abs=1e-9)
+
+
+def test_other_losses_move_and_leave(moment):
+    base, other = moment(), float(moment().other)
+    put_in = float(sum(base.heat.values()))
+    stray = moment(StrayLoadLoss, k=100.0)
+    node = "winding" if base.losses.kind == "balance" else "stator"
+    assert added(base, stray, node) == pytest.approx(100.0 * 0.25 * 0.5**1.5, rel=1e-9)
+    moved = moment(IronLossInWinding, q=0.2)
+    assert added(base, moved, "winding") == pytest.approx(0.2 * other)
+    assert float(sum(moved.heat.values())) == pytest.approx(put_in)
+    left = moment(ExternalLoss, k=0.1, m=1.0)
+    assert put_in - float(sum(left.heat.values())) == pytest.approx(0.1 * other * 0.5)
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "watts"),
+    [
+        (StandbyLoss, {"P0": 20.0}, 20.0),
+        (BearingFriction, {"T_f": 0.1, "kappa": 0.03}, 0.1 * 200.0 * math.exp(-0.03 * 60.0)),
+        (LossGain, {"g": 0.05}, 0.05 * 700.0),
+        (Radiation, {"eA": 0.5}, -0.5 * 5.670374419e-8 * (353.15**4 - 293.15**4)),
+    ],
+)
+def test_losses_that_change_the_total_heat_the_stator(kind, values, watts, moment):
+    """The loss channel is 700 W under a balance (all losses) and under a map (without copper)."""
+    base, seen = moment(), moment(kind, **values)
+    assert added(base, seen, "stator") == pytest.approx(watts, rel=1e-12)
+    assert float(seen.heat["winding"]) == float(base.heat["winding"])
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "expected"),
+    [
+        (SensorContact, {"k": 0.25}, [57.5, 77.5]),
+        (SensorContact, {"k": -0.1}, [61.0, 95.0]),
+        (SensorGain, {"g": 0.02}, [60.0 + 0.02 * 40.0, 90.0 + 0.02 * 70.0]),
+    ],
+)
+def test_the_sensor_reads_by_the_law(kind, values, expected, network):
+    nothing = jnp.zeros(1)
+    inputs = lptn.Inputs(jnp.asarray(2.0), nothing, nothing, jnp.full(1, 20.0))
+    winding = jnp.asarray([60.0, 90.0])
+    temperature = {"winding": winding, "stator": jnp.asarray([50.0, 40.0])}
+    seen = build(kind, values, network).observe(winding, temperature, inputs)
+    np.testing.assert_allclose(seen, expected, rtol=1e-12)
+
+
+EQUAL = {"winding": 20.0, "stator": 20.0}
+
+
+def course(network, losses, inputs, kind, values):
+    effect = build(kind, values, network)
+    return effect, simulate(network, losses, inputs, EQUAL, effects=[effect])
+
+
+def test_a_housing_is_a_ladder_as_seen_from_the_winding(network, losses, short):
     """The equivalent form against the ladder itself, at a constant sink."""
     still = eqx.tree_at(lambda i: i.ambient, short, jnp.asarray(np.full(short.num_time, 20.0)))
     x, tau, R = 0.4, 200.0, 0.11625
@@ -102,10 +186,8 @@ def test_a_housing_is_a_ladder_as_seen_from_the_winding(network, losses, short, 
                     ("housing", "ambient"): jnp.asarray(x * R)},
         share={"stator": jnp.asarray(1.0)},
     )  # fmt: skip
-    equal = {"winding": 20.0, "stator": 20.0}
-    seen = simulate(network, losses, still, equal,
-                         effects=[build(HousingNode, {"x": x, "tau": tau}, network)])  # fmt: skip
-    expected = simulate(ladder, losses, still, {**equal, "housing": 20.0})
+    _, seen = course(network, losses, still, HousingNode, {"x": x, "tau": tau})
+    expected = simulate(ladder, losses, still, {**EQUAL, "housing": 20.0})
     # two explicit third-order marches of different nodes: (2 s/97 s)^3/24 of 15 K at most
     np.testing.assert_allclose(seen.reading, expected.reading, atol=1e-5)
     housing = 20.0 + x * (np.asarray(seen.temperature["housing"]) - 20.0)
@@ -114,10 +196,7 @@ def test_a_housing_is_a_ladder_as_seen_from_the_winding(network, losses, short, 
 
 
 def test_the_rotor_hands_on_what_it_gets(network, losses, short):
-    values = {"p": 0.3, "C": 10e3, "tau": 300.0}
-    equal = {"winding": 20.0, "stator": 20.0}
-    trace = simulate(network, losses, short, equal,
-                          effects=[build(RotorNode, values, network)])  # fmt: skip
+    _, trace = course(network, losses, short, RotorNode, {"p": 0.3, "C": 10e3, "tau": 300.0})
     got = 0.3 * float(np.sum(trace.other_loss) * short.step)
     kept = 0.3 * 10e3 * float(trace.temperature["rotor"][-1] - 20.0)
     given = -float(np.sum(trace.flow["stator", "rotor"]) * short.step)
@@ -126,16 +205,14 @@ def test_the_rotor_hands_on_what_it_gets(network, losses, short):
 
 
 def test_overhang_and_slot_share_the_winding(network, losses, short):
-    equal = {"winding": 20.0, "stator": 20.0}
-    effect = build(EndWindingNode, {"f": 0.4, "tau": 25.0, "p": 1.0}, network)
-    trace = simulate(network, losses, short, equal, effects=[effect])
+    values = {"f": 0.4, "tau": 25.0, "p": 1.0}
+    effect, trace = course(network, losses, short, EndWindingNode, values)
     extended = effect.extend(network)
     assert float(extended.capacitance["winding"]) == pytest.approx(0.6 * 666.75)
     assert float(extended.capacitance["overhang"]) == pytest.approx(0.4 * 666.75)
-    ahead = np.subtract(trace.temperature["overhang"], trace.temperature["winding"])
-    np.testing.assert_allclose(
-        np.subtract(trace.reading, trace.temperature["winding"]), ahead, atol=1e-12
-    )
+    winding = trace.temperature["winding"]
+    ahead = np.subtract(trace.temperature["overhang"], winding)
+    np.testing.assert_allclose(np.subtract(trace.reading, winding), ahead, atol=1e-12)
     assert float(ahead[-1]) > 0.0  # it is heated and only the slots cool it
 
 

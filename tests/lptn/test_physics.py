@@ -86,20 +86,6 @@ def test_an_added_node_takes_its_share_of_the_losses(network, losses, short, sta
     assert set(trace.flow) == set(network.links) | {("rotor", "ambient"), ("stator", "rotor")}
 
 
-def test_the_limit_of_the_feedback_is_where_k_times_req_is_one(network):
-    losses = CopperLosses(Rs0=jnp.asarray(0.0062))
-    per_square = float(losses.slope(jnp.asarray(1.0)))
-    last = {}
-    for product in (0.9, 1.1):
-        current = np.sqrt(product / 0.14485 / per_square)
-        inputs = constant(2.0, current=current, losses=2000.0)
-        trace = simulate(network, losses, inputs, {"winding": 20.0, "stator": 20.0})
-        gap = np.subtract(trace.temperature["winding"], trace.temperature["stator"])[:3001]
-        pace = np.diff(gap)
-        last[product] = float(pace[-1] / pace[-200])
-    assert last[0.9] < 1.0 < last[1.1]
-
-
 def test_corrections_of_the_instruments_are_corrections_of_the_inputs(network, short, start):
     corrected = CopperLosses(
         Rs0=jnp.asarray(0.0062),
