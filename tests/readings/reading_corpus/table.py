@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -126,11 +125,6 @@ class Sheet:
         ))  # fmt: skip
 
 
-def number_text(value: float, decimals: int) -> str:
-    """Return a number as a logger writes it."""
-    return "" if math.isnan(value) else f"{value:.{decimals}f}"
-
-
 def sheet(
     number: int,
     *,
@@ -142,6 +136,7 @@ def sheet(
     decimals: Mapping[str, int] | None = None,
     cells: Mapping[str, Callable[[float], str]] | None = None,
     written_s: float | None = None,
+    shift_s: float = 0.0,
 ) -> Sheet:
     """Return a heat run as columns.
 
@@ -155,9 +150,11 @@ def sheet(
         decimals: By channel: digits after the point; by default six significant digits.
         cells: By channel: writes a canonical value as a cell, for clocks.
         written_s: What such a cell rounds the time to [s].
+        shift_s: Added to all times.
     """
     units, headers, decimals, cells = units or {}, headers or {}, decimals or {}, cells or {}
     run = heat_run(number, rows, step_s)
+    run = {**run, "time_s": run["time_s"] + shift_s}
     columns, truth, tolerance = [], {}, {}
     for channel in channels:
         canonical = CHANNELS[channel][1]
@@ -173,7 +170,7 @@ def sheet(
             if written_s is not None:
                 tolerance[channel] = written_s
         else:
-            texts = tuple(number_text(value, digits) for value in numbers.tolist())
+            texts = tuple(f"{value:.{digits}f}" for value in numbers.tolist())
         stem = CHANNELS[channel][2]
         default = channel if unit == canonical else f"{stem} [{unit}]"
         # Binary formats hold the same rounded numbers as the text does.

@@ -208,7 +208,4 @@ def parquet_files() -> Iterator[Case]:
                  mapped=False)  # fmt: skip
 
 
-def binary_files() -> Iterator[Case]:
-    """Make all of them."""
-    for source in (hdf_files, matlab_files, parquet_files):
-        yield from source()
+SOURCES = (hdf_files, matlab_files, parquet_files)

@@ -198,8 +198,4 @@ def no_bench_files() -> Iterator[Case]:
         yield unseen(name, REFUSE, sheet, content, channels={}, mapped=False)
 
 
-def doubtful_files() -> Iterator[Case]:
-    """Make all of them."""
-    sources = (odd_units, wrong_units, conflicts, open_rows, open_times, no_bench_files)
-    for source in sources:
-        yield from source()
+SOURCES = (odd_units, wrong_units, conflicts, open_rows, open_times, no_bench_files)

@@ -145,7 +145,4 @@ def packed() -> Iterator[Case]:
     yield plain("gzip", sheet, content, suffix=".csv.gz")
 
 
-def plain_files() -> Iterator[Case]:
-    """Make all of them."""
-    for source in (layouts, tables, neighbours, times, packed):
-        yield from source()
+SOURCES = (layouts, tables, neighbours, times, packed)

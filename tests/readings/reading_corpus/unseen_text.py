@@ -176,7 +176,4 @@ def rules_of_tables() -> Iterator[Case]:
     yield unseen("two NaN", READ, sheet, lone, mapped=False)
 
 
-def stated_files() -> Iterator[Case]:
-    """Make all of them."""
-    for source in (headers, rows_of_units, rules_of_tables):
-        yield from source()
+SOURCES = (headers, rows_of_units, rules_of_tables)
