@@ -56,6 +56,7 @@ def unit_rows() -> Iterator[Case]:
             )
     units = {"losses_W": "kW", "winding_degC": "K"}
     row = ("s", "A", "kW", "°C", "K")
+    devices, described = ("DAQ", "WT", "WT", "TC1", "TC2"), ("stamp", "rms", "sum", "air", "slot")
     plain = sheet(0, rows=200, units=units, headers=STEMS)
     thesis = sheet(1, rows=200, units=units, headers=THESIS)
     for name, made in (("own names", plain), ("names of the thesis", thesis)):
@@ -64,14 +65,8 @@ def unit_rows() -> Iterator[Case]:
             ("above", Layout(above=(row,))),
             ("below, tabs", Layout(delimiter="\t", below=(row,))),
             ("below, an empty row between", Layout(below=(("",) * 5, row))),
-            (
-                "below, then a row of devices",
-                Layout(below=(row, ("DAQ", "WT", "WT", "TC1", "TC2"))),
-            ),
-            (
-                "below, after a row of descriptions",
-                Layout(below=(("stamp", "rms", "sum", "air", "slot"), row)),
-            ),
+            ("below, then a row of devices", Layout(below=(row, devices))),
+            ("below, after a row of descriptions", Layout(below=(described, row))),
             ("above, after a preamble", Layout(before=("Test bench 3", ""), above=(row,))),
             ("below, quoted", Layout(below=(tuple(f'"{text}"' for text in row),))),
         ):
@@ -143,35 +138,24 @@ def comments() -> Iterator[Case]:
 def conflicts() -> Iterator[Case]:
     """Two statements that cannot both be true; and two that say the same."""
     number = 0
-    # Header, its column in [columns], true unit, channel.
-    for header, spec, channel, unit in (
-        ("losses_W [kW]", None, "losses_W", "kW"),
-        ("losses_W [kW]", None, "losses_W", "W"),
-        ("losses_W (mW)", None, "losses_W", "W"),
-        ("winding_degC [K]", None, "winding_degC", "K"),
-        ("winding_degC [°F]", None, "winding_degC", "degF"),
-        ("time_s [min]", None, "time_s", "min"),
-        ("time_s [ms]", None, "time_s", "s"),
-        ("phase_current_A [mA]", None, "phase_current_A", "mA"),
-        ("speed_rpm [rad/s]", None, "speed_rpm", "rad/s"),
-        ("torque_Nm [Ncm]", None, "torque_Nm", "Ncm"),
-        ("losses_kW [W]", None, "losses_W", "kW"),
-        ("losses_MW_mean [kW]", None, "losses_W", "MW"),
-        ("losses | MW [W]", None, "losses_W", "MW"),
-        ("time_ms [s]", None, "time_s", "ms"),
-        ("time:ms [h]", None, "time_s", "ms"),
-        ("phase_current-Arms [mA]", None, "phase_current_A", "A"),
-        ("losses kW [W]", None, "losses_W", "kW"),
-        ("losses [kW] (W)", None, "losses_W", "kW"),
-        ("[W] losses [kW]", None, "losses_W", "kW"),
-        ("n_rpm (1000/min)", "n_rpm (1000/min)", "speed_rpm", "krpm"),
-    ):
+    # Header, channel, true unit.
+    for header, channel, unit in (
+        ("losses_W [kW]", "losses_W", "kW"), ("losses_W [kW]", "losses_W", "W"),
+        ("losses_W (mW)", "losses_W", "W"), ("winding_degC [K]", "winding_degC", "K"),
+        ("winding_degC [°F]", "winding_degC", "degF"), ("time_s [min]", "time_s", "min"),
+        ("time_s [ms]", "time_s", "s"), ("phase_current_A [mA]", "phase_current_A", "mA"),
+        ("speed_rpm [rad/s]", "speed_rpm", "rad/s"), ("torque_Nm [Ncm]", "torque_Nm", "Ncm"),
+        ("losses_kW [W]", "losses_W", "kW"), ("losses_MW_mean [kW]", "losses_W", "MW"),
+        ("losses | MW [W]", "losses_W", "MW"), ("time_ms [s]", "time_s", "ms"),
+        ("time:ms [h]", "time_s", "ms"), ("phase_current-Arms [mA]", "phase_current_A", "A"),
+        ("losses kW [W]", "losses_W", "kW"), ("losses [kW] (W)", "losses_W", "kW"),
+        ("[W] losses [kW]", "losses_W", "kW"), ("n_rpm (1000/min)", "speed_rpm", "krpm"),
+    ):  # fmt: skip
         made = sheet(number, rows=200, channels=SEVEN, units={channel: unit},
                      headers={channel: header})  # fmt: skip
-        yield made.case(
-            AGAINST, f"{header}, truth {unit}", Truth.CONFLICT,
-            columns={channel: spec} if spec else {}, subject=WORDS,
-        )  # fmt: skip
+        columns = {channel: header} if header.startswith("n_rpm") else {}
+        yield made.case(AGAINST, f"{header}, truth {unit}", Truth.CONFLICT, columns=columns,
+                        subject=WORDS)  # fmt: skip
         number += 1
     # The user decides in [columns]; the last bracket there is the unit.
     for header, channel, unit in (
