@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import doctest
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -10,7 +12,16 @@ import pytest
 from compiled import constant, reading, reference, simulate
 
 import lptn
-from lptn import CopperLosses, Drive, Inputs, first_order
+from lptn import (
+    ALUMINIUM_COEFFICIENT,
+    COPPER_COEFFICIENT,
+    CopperLosses,
+    Drive,
+    Inputs,
+    copper_loss,
+    first_order,
+    losses,
+)
 from lptn.stepping import heat_balance, rates
 
 B = lptn.COPPER_COEFFICIENT
@@ -153,3 +164,24 @@ def test_blocks_of_two_seconds_cost_what_jumps_inside_them_must(
     # the same means without the jumps: the method alone
     same = reference(network, losses, regroup_duty(group=20, unequal=True), start)
     assert np.max(np.abs(np.subtract(coarse.reading, same.reading))) < 5e-5
+
+
+def test_docstring_examples_hold():
+    results = doctest.testmod(losses)
+    assert results.attempted > 0
+    assert results.failed == 0
+
+
+def test_resistance_follows_the_material():
+    cold, hot = jnp.asarray(25.0), jnp.asarray(125.0)
+    for B in (COPPER_COEFFICIENT, ALUMINIUM_COEFFICIENT):
+        model = CopperLosses(Rs0=jnp.asarray(0.0062), coefficient=B)
+        one = copper_loss(jnp.asarray(1e4), cold, model)
+        two = copper_loss(jnp.asarray(1e4), hot, model)
+        assert float(one) == pytest.approx(3 * 1e4 * 0.0062)
+        assert float(two / one) == pytest.approx((B + 125.0) / (B + 25.0))
+
+
+def test_shapes_must_agree():
+    with pytest.raises(ValueError, match="expected the same"):
+        copper_loss(jnp.zeros(3), jnp.zeros(4), CopperLosses(Rs0=jnp.asarray(1.0)))
