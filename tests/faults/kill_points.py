@@ -13,7 +13,7 @@ import os
 import shutil
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import count
 from pathlib import Path
 
@@ -77,26 +77,32 @@ def in_child(job) -> int:
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 
-def killed_in_turn(
-    folder: Path, name: str, begin: Callable[[Path], None], work: Callable[[Path], object]
-) -> Iterator[tuple[Path, int, int]]:
+def tell(
+    folder: Path, begin: Callable[[Path, str | None], None], work: Callable[[Path], object],
+    seen: Callable[[Path], dict],
+) -> None:  # fmt: skip
     """Begin a home and work in it, killed before its n-th file operation, until it is not killed.
 
-    Yields the home, n, and the status that the work ended with.
+    With and without something earlier at the place. Prints the status that the work ended with in
+    each turn, and what is seen then.
     """
-    for number in count(1):
-        home = folder / f"{name}_{number}"
-        begin(home)
+    outcomes = []
+    for earlier in (None, "old"):
+        for number in count(1):
+            home = folder / f"{earlier}_{number}"
+            begin(home, earlier)
 
-        def killed(home=home, last=number):
-            sys.addaudithook(Countdown(home, last))
-            work(home)
+            def killed(home=home, last=number):
+                sys.addaudithook(Countdown(home, last))
+                work(home)
 
-        status = in_child(killed)
-        yield home, number, status
-        shutil.rmtree(home)
-        if status != -signal.SIGKILL:
-            return
+            status = in_child(killed)
+            turn = {"earlier": earlier, "operation": number, "status": status}
+            outcomes.append(turn | seen(home))
+            shutil.rmtree(home)
+            if status != -signal.SIGKILL:
+                break
+    print(json.dumps(outcomes))
 
 
 def state_of(path: Path) -> str:
@@ -118,35 +124,24 @@ def state_of(path: Path) -> str:
     return manifest["text"] if present == set(manifest["files"]) else "torn"
 
 
-def main(folder: Path) -> None:
-    """Kill at every operation, with and without an earlier run at the place; print what came."""
-    outcomes = []
-    for earlier in ("", "old"):
+def begin(home: Path, earlier: str | None) -> None:
+    """Leave an earlier run at the place, or nothing."""
+    if earlier is not None:
+        small_run(home / "run", earlier)
 
-        def begin(home, earlier=earlier):
-            if earlier:
-                small_run(home / "run", earlier)
 
-        turns = killed_in_turn(
-            folder, earlier or "none", begin, lambda home: small_run(home / "run", "new")
-        )
-        for home, number, status in turns:
-            path = home / "run"
-            outcomes.append(
-                {
-                    "earlier": earlier,
-                    "operation": number,
-                    "status": status,
-                    "after": state_of(path),
-                    "chunks": len(list((home / "run.partial").rglob("chunk_*.npz"))),
-                    "resumed": in_child(lambda path=path: small_run(path, "new")),
-                    "finally": state_of(path),
-                    "left": sorted(p.name for p in home.iterdir()),
-                    "fit": (path / "fit.json").read_text(),
-                }
-            )
-    print(json.dumps(outcomes))
+def seen(home: Path) -> dict:
+    """Look at a run after its turn, and do the same again."""
+    path = home / "run"
+    return {
+        "after": state_of(path),
+        "chunks": len(list((home / "run.partial").rglob("chunk_*.npz"))),
+        "resumed": in_child(lambda: small_run(path, "new")),
+        "finally": state_of(path),
+        "left": sorted(p.name for p in home.iterdir()),
+        "fit": (path / "fit.json").read_text(),
+    }
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    tell(Path(sys.argv[1]), begin, lambda home: small_run(home / "run", "new"), seen)

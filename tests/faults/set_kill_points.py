@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 
-from kill_points import in_child, killed_in_turn
+from kill_points import in_child, tell
 
 from heatrun.io.file_set import READY, names_begun, together
 
@@ -29,42 +28,31 @@ def words_in(folder: Path) -> list[str | None]:
     return [path.read_text() if path.is_file() else None for path in paths]
 
 
-def main(home: Path) -> None:
-    """Kill at every operation, with and without an earlier set at the place; print what came."""
-    outcomes = []
-    for earlier in (None, "old"):
+def begin(folder: Path, earlier: str | None) -> None:
+    """Leave a foreign file at the place, and an earlier set or none."""
+    (folder / FOREIGN).parent.mkdir(parents=True)
+    (folder / FOREIGN).write_text("mine")
+    if earlier is not None:
+        write(folder, earlier)
 
-        def begin(folder, earlier=earlier):
-            (folder / FOREIGN).parent.mkdir(parents=True)
-            (folder / FOREIGN).write_text("mine")
-            if earlier is not None:
-                write(folder, earlier)
 
-        turns = killed_in_turn(home, str(earlier), begin, lambda folder: write(folder, "new"))
-        for folder, _, status in turns:
+def start(folder: Path) -> None:
+    """Begin another set, which ends or drops what a kill has left."""
+    with together(folder, "another"):
+        assert names_begun(folder, "report") == []
 
-            def start(folder=folder):
-                with together(folder, "another"):
-                    assert names_begun(folder, "report") == []
 
-            outcomes.append(
-                {
-                    "earlier": earlier,
-                    "status": status,
-                    "after": words_in(folder),
-                    "is_ready": any(path.name.endswith(READY) for path in folder.iterdir()),
-                    "started": in_child(start),
-                    "settled": words_in(folder),
-                    "left": sorted(
-                        str(path.relative_to(folder))
-                        for path in folder.rglob("*")
-                        if path.is_file()
-                    ),
-                    "hidden": [path.name for path in folder.iterdir() if path.name[0] == "."],
-                }
-            )
-    print(json.dumps(outcomes))
+def seen(folder: Path) -> dict:
+    """Look at a set after its turn, and at what the next start makes of it."""
+    return {
+        "after": words_in(folder),
+        "is_ready": any(path.name.endswith(READY) for path in folder.iterdir()),
+        "started": in_child(lambda: start(folder)),
+        "settled": words_in(folder),
+        "left": sorted(str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()),
+        "hidden": [path.name for path in folder.iterdir() if path.name[0] == "."],
+    }
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    tell(Path(sys.argv[1]), begin, lambda folder: write(folder, "new"), seen)

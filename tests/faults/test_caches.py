@@ -1,15 +1,19 @@
-"""The caches: bounded, repaired, and not needed."""
+"""The caches: bounded, repaired, and not needed; one process at a time in a folder."""
 
 from __future__ import annotations
 
 import os
 import subprocess
 import sys
+import tempfile
+import threading
 from pathlib import Path
 
 import pytest
 
-from heatrun.io.caches import IN_PLACE, PROGRAM, keep_below
+from heatrun.errors import InputError
+from heatrun.io import caches as folder_lock
+from heatrun.io.caches import IN_PLACE, PROGRAM, FolderLock, keep_below
 
 COMPILE = """
 import sys
@@ -24,18 +28,19 @@ print(dict(programs.COUNTS), programs.UNKEPT)
 """
 
 
-def compiled(home: Path, **more: str) -> tuple[str, str]:
-    """Return what a process says that compiles a function with its caches under a folder."""
+def said_by(program: str, home: Path, *options: str, **more: str) -> tuple[str, str]:
+    """Return what a process says with its caches under a folder."""
     environment = {k: v for k, v in os.environ.items() if k != "JAX_COMPILATION_CACHE_DIR"}
-    done = subprocess.run(
-        [sys.executable, "-c", COMPILE],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**environment, "XDG_CACHE_HOME": str(home), **more},
-    )
+    words = [sys.executable, *options, "-c", program]
+    env = {**environment, "XDG_CACHE_HOME": str(home), **more}
+    done = subprocess.run(words, capture_output=True, text=True, check=False, env=env)
     assert done.returncode == 0, done.stderr
     return done.stdout, done.stderr
+
+
+def compiled(home: Path, **more: str) -> tuple[str, str]:
+    """Return what a process says that compiles a function."""
+    return said_by(COMPILE, home, **more)
 
 
 def entries(home: Path) -> list[Path]:
@@ -116,18 +121,9 @@ def test_a_cache_folder_that_cannot_be_made_is_a_note(tmp_path):
     assert err == ""
     assert not list((tmp_path / "temporary").iterdir())
     # what ArviZ makes when it is loaded once ended a calibration after its fit
-    program = (
-        "from heatrun.io.caches import use_caches\nuse_caches(print)\nimport arviz, matplotlib\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", program + "matplotlib.get_cachedir()"],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "XDG_CACHE_HOME": str(home), **temporary},
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stderr == ""
+    program = "from heatrun.io.caches import use_caches\nuse_caches(print)\n"
+    program += "import arviz, matplotlib\nmatplotlib.get_cachedir()"
+    assert said_by(program, home, "-W", "ignore", **temporary)[1] == ""
     assert not list((tmp_path / "temporary").iterdir())
 
 
@@ -153,3 +149,89 @@ def test_a_command_keeps_the_bound_at_its_start(tmp_path):
     compiled(tmp_path)
     assert not (folder / "old-1.program").exists()
     assert entries(tmp_path)
+
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from heatrun.io import caches as folder_lock
+if sys.argv[2] == "path":
+    folder_lock.fcntl = None
+lock = folder_lock.FolderLock.take(Path(sys.argv[1]))
+print("held", flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.fixture(params=["folder", "path"])
+def way(request, monkeypatch, tmp_path) -> str:
+    """The lock of POSIX systems, and the one that Windows gets, with its files in `tmp_path`."""
+    if request.param == "path":
+        monkeypatch.setattr(folder_lock, "fcntl", None)
+        monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    elif folder_lock.fcntl is None:
+        pytest.skip("folders cannot be locked here")
+    return request.param
+
+
+@pytest.fixture
+def other(way, tmp_path):
+    """Another process that holds `tmp_path / "run"` until its standard input ends."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", HOLD, str(tmp_path / "run"), way],
+        env={**os.environ, "TMPDIR": str(tmp_path), "TEMP": str(tmp_path)},
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stdout.readline() == "held\n"
+    yield process
+    process.kill()
+    process.communicate()
+
+
+def test_a_second_process_is_told_and_the_hold_ends_with_a_kill(other, tmp_path):
+    run = tmp_path / "run"
+    assert not FolderLock.is_free(run)
+    with pytest.raises(InputError, match="another process is writing this run") as refused:
+        FolderLock.take(run)
+    assert refused.value.where == str(run)
+    assert "--out" in refused.value.remedy
+    other.kill()
+    other.wait()
+    assert FolderLock.is_free(run)
+    lock = FolderLock.take(run)
+    assert not FolderLock.is_free(run)
+    lock.release()
+    lock.release()
+    assert FolderLock.is_free(run)
+
+
+def test_who_waits_gets_the_folder_when_the_other_process_ends(other, tmp_path):
+    taken: list[FolderLock] = []
+    wait = threading.Thread(
+        target=lambda: taken.append(FolderLock.take(tmp_path / "run", waits=True)), daemon=True
+    )
+    wait.start()
+    wait.join(0.3)
+    assert wait.is_alive()
+    other.communicate("")
+    wait.join(20)
+    assert len(taken) == 1
+    taken[0].release()
+
+
+@pytest.mark.usefixtures("way")
+def test_two_folders_are_two_locks_and_nothing_is_left_in_them(tmp_path):
+    first, second = tmp_path / "a" / "run", tmp_path / "b" / "run"
+    locks = [FolderLock.take(first), FolderLock.take(second)]
+    with pytest.raises(InputError):
+        FolderLock.take(first)
+    renamed = first.replace(tmp_path / "a" / "done")  # a held folder can take another name
+    for lock in locks:
+        lock.release()
+    assert [list(folder.iterdir()) for folder in (renamed, second)] == [[], []]
+    assert not FolderLock.is_free(Path(tmp_path / "none"))
+
+
+def test_a_lock_that_is_forgotten_is_let_go(way, tmp_path):
+    FolderLock.take(tmp_path / "run")
+    assert FolderLock.is_free(tmp_path / "run")

@@ -1,4 +1,4 @@
-"""Full disks, taken folders, unreadable files, clocks and Ctrl-C: said in words, nothing lost."""
+"""Full disks and memory, taken folders, clocks and Ctrl-C: said in words, nothing lost."""
 
 from __future__ import annotations
 
@@ -105,10 +105,13 @@ def test_a_cut_run_is_refused(name, tmp_path):
             result_of(run)
 
 
+def ended(words, **more):
+    """What came of a process."""
+    return subprocess.run(words, capture_output=True, text=True, check=False, **more)
+
+
 def in_process(program):
-    return subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=False
-    )
+    return ended([sys.executable, "-c", program])
 
 
 def test_a_file_that_does_not_fit_leaves_the_old_one_and_no_piece(tmp_path):
@@ -196,10 +199,9 @@ def test_output_that_cannot_be_written_is_said(inputs):
 
 
 def test_an_interrupt_ends_with_130_and_a_word(inputs, tmp_path):
+    calibrate = words(inputs, tmp_path / "run")
     with heard():
-        command = subprocess.Popen(
-            words(inputs, tmp_path / "run"), stderr=subprocess.PIPE, text=True
-        )
+        command = subprocess.Popen(calibrate, stderr=subprocess.PIPE, text=True)
     assert command.stderr is not None
     said = ""
     for line in command.stderr:
@@ -224,9 +226,7 @@ def test_an_interrupt_after_the_work_changes_nothing():
         "sys.exit(cli.main())\n"
     )
     with heard():
-        done = subprocess.run(
-            [sys.executable, "-c", program], capture_output=True, text=True, check=False
-        )
+        done = in_process(program)
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
     assert "KeyboardInterrupt" not in done.stderr
@@ -263,13 +263,44 @@ def test_a_run_on_a_full_disk_stops_with_a_word_and_goes_on(inputs, tmp_path):
     command = words(inputs, tmp_path / "run")
     # the draws take 360 kB
     limited = ["bash", "-c", 'ulimit -f 195; exec "$@"', "bash", *map(str, command)]
-    full = subprocess.run(limited, capture_output=True, text=True, check=False)
+    full = ended(limited)
     assert full.returncode == 1, full.stderr
     assert "could not be read or written" in full.stderr
     assert "Traceback" not in full.stderr
     assert [p.name for p in tmp_path.iterdir()] == ["run.partial"]
-    again = subprocess.run(command, capture_output=True, text=True, check=False)
+    again = ended(command)
     assert again.returncode == 0, again.stderr
     assert "taking up the unfinished run" in again.stderr
     assert [p.name for p in tmp_path.iterdir()] == ["run"]
     assert result_of(tmp_path / "run")["models"].keys() == {"second"}
+
+
+def raising(error):
+    def run(options):
+        raise error
+
+    return run
+
+
+CHECK = ["check", "motor.toml", "test.csv"]
+
+
+def test_the_sentence_about_memory_needs_no_more_of_it(monkeypatch, capsys):
+    monkeypatch.setattr("heatrun.commands.check.run", raising(MemoryError))
+    # a package that is loaded at this point ends in a traceback: there is no room for it
+    monkeypatch.setitem(sys.modules, "heatrun.runs.run_folder", None)
+    assert cli.main([*CHECK, "--json"]) == 1
+    printed = capsys.readouterr()
+    assert "more memory than there is" in json.loads(printed.out)["error"]["problem"]
+    assert "more memory than there is" in printed.err
+
+
+def test_a_package_for_which_there_is_no_room_is_said_so(monkeypatch, capsys):
+    no_room = ImportError("libjax_common.so: failed to map segment from shared object")
+    monkeypatch.setattr("heatrun.commands.check.run", raising(no_room))
+    assert cli.main(CHECK) == 1
+    assert "more memory than there is" in capsys.readouterr().err
+    not_there = ImportError("No module named 'pyarrow'")
+    monkeypatch.setattr("heatrun.commands.check.run", raising(not_there))
+    with pytest.raises(ImportError, match="pyarrow"):
+        cli.main(CHECK)

@@ -6,7 +6,7 @@ SCRIPT = "kill_points.py"
 
 
 def test_every_operation_was_killed_and_the_last_run_was_not(outcomes):
-    by_start = {start: [o for o in outcomes if o["earlier"] == start] for start in ("", "old")}
+    by_start = {start: [o for o in outcomes if o["earlier"] == start] for start in (None, "old")}
     for each in by_start.values():
         assert [o["status"] for o in each[:-1]] == [-9] * (len(each) - 1)
         assert each[-1]["status"] == 0

@@ -14,11 +14,7 @@ pytest.importorskip("pyarrow")
 
 # what several files of tests share stands beside them as plain scripts
 sys.path.insert(0, str(Path(__file__).parent))
-from simulated_fleet import write_fleet
-
-from heatrun_fleet.cluster import Workers
-from heatrun_fleet.fleet_file import load_fleet
-from heatrun_fleet.job import calibrate_fleet_into
+from simulated_fleet import calibrated, write_fleet
 
 
 @pytest.fixture(scope="session")
@@ -30,10 +26,7 @@ def finished(tmp_path_factory):
         if not folder.exists():
             partial = tmp_path_factory.mktemp("fleet")
             write_fleet(partial / "bench")
-            calibrate_fleet_into(
-                partial / "out", load_fleet(partial / "bench" / "FLEET.toml"),
-                workers=Workers(0), batch=2,
-            )  # fmt: skip
+            calibrated(partial / "bench", partial / "out")
             partial.rename(folder)
     return folder
 

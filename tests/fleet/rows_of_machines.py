@@ -38,12 +38,9 @@ def machine(
         noise_shift: The same of its noise and unmodelled heat.
         **said: Columns that are otherwise than in a good row.
     """
-    rng = np.random.default_rng([seed, number])
-    true = np.log(MEDIAN) + SPREAD * rng.standard_normal(4) + shift
-    prior_mean = np.log(MEDIAN) + 0.3
-    read = true + ERROR * rng.standard_normal(4)
-    precision = ERROR**-2 + PRIOR_SD**-2
-    mean = (read * ERROR**-2 + prior_mean * PRIOR_SD**-2) / precision
+    mean, variance, prior_mean = _posterior(
+        [seed, number], MEDIAN, SPREAD, ERROR, PRIOR_SD, shift=shift, prior_off=0.3
+    )
     empty = {name: [] if kind.startswith("list") else None for name, kind, _, _ in COLUMNS}
     row = {
         **empty,
@@ -51,8 +48,8 @@ def machine(
         "findings": "[]", "model": "second", "is_converged": True, "result": "converged",
         "parameters": list(NAMES), "parameter_units": list(UNITS), "transforms": ["log"] * 4,
         "parameter_values": np.exp(mean).tolist(),
-        "parameter_sd": (np.exp(mean) / np.sqrt(precision)).tolist(),
-        "log_mean": mean.tolist(), "log_covariance": np.diag(1.0 / precision).ravel().tolist(),
+        "parameter_sd": (np.exp(mean) * np.sqrt(variance)).tolist(),
+        "log_mean": mean.tolist(), "log_covariance": np.diag(variance).ravel().tolist(),
         "prior_mean": prior_mean.tolist(), "prior_sd": PRIOR_SD.tolist(),
         **_noise([seed, number, 1], noise_shift),
     }  # fmt: skip
@@ -60,18 +57,25 @@ def machine(
     return {**row, "covariates": covariates, **said}
 
 
+def _posterior(seed, median, spread, error, prior_sd, *, shift, prior_off):
+    """Return mean and variance of the logarithms once the truth is read, and the prior's mean."""
+    rng = np.random.default_rng(seed)
+    true = np.log(median) + spread * rng.standard_normal(4) + shift
+    prior_mean = np.log(median) + prior_off
+    read = true + error * rng.standard_normal(4)
+    precision = error**-2 + prior_sd**-2
+    return (read * error**-2 + prior_mean * prior_sd**-2) / precision, 1.0 / precision, prior_mean
+
+
 def _noise(seed: Sequence[int], shift: Sequence[float]):
     """Return the columns of noise and unmodelled heat."""
-    rng = np.random.default_rng(seed)
-    true = np.log(NOISE_MEDIAN) + NOISE_SPREAD * rng.standard_normal(4) + shift
-    prior_mean = np.log(NOISE_MEDIAN) - 0.4
-    read = true + NOISE_ERROR * rng.standard_normal(4)
-    precision = NOISE_ERROR**-2 + NOISE_PRIOR_SD**-2
-    mean = (read * NOISE_ERROR**-2 + prior_mean * NOISE_PRIOR_SD**-2) / precision
+    mean, variance, prior_mean = _posterior(
+        seed, NOISE_MEDIAN, NOISE_SPREAD, NOISE_ERROR, NOISE_PRIOR_SD, shift=shift, prior_off=-0.4
+    )
     return {
         "noise": list(NOISE_NAMES), "noise_units": list(NOISE_UNITS),
         "noise_values": np.exp(mean).tolist(), "noise_log_mean": mean.tolist(),
-        "noise_log_covariance": np.diag(1.0 / precision).ravel().tolist(),
+        "noise_log_covariance": np.diag(variance).ravel().tolist(),
         "noise_prior_mean": prior_mean.tolist(), "noise_prior_sd": NOISE_PRIOR_SD.tolist(),
     }  # fmt: skip
 

@@ -1,6 +1,6 @@
 """A small fleet on disk: two-node machines under load steps, integrated sample by sample.
 
-Independent of lptn: plain Python sums over the samples, Euler steps of one second.
+Its truth is independent of lptn: plain Python sums over the samples, Euler steps of one second.
 """
 
 from __future__ import annotations
@@ -10,6 +10,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+
+from heatrun_fleet.batches import Batch, batches_of, digests_of, numerics
+from heatrun_fleet.cluster import Workers
+from heatrun_fleet.fleet_file import load_fleet
+from heatrun_fleet.job import calibrate_fleet_into
 
 MOTOR = """[motor]
 name = "line 3"
@@ -69,6 +74,20 @@ def write_fleet(folder: Path, num: int = 6, minutes: float = 20.0) -> list[str]:
         '[fleet]\nname = "line 3"\nmotor = "motor.toml"\nmanifest = "machines.csv"\n'
     )
     return names
+
+
+def planned(
+    folder: Path, size: int = 2, *, file: str = "FLEET.toml", model=None, seed: int = 0, **said
+) -> list[Batch]:
+    """Return the batches of a fleet on disk; what is said more is of the numerics."""
+    fleet = load_fleet(folder / file, model)
+    return list(batches_of(fleet, digests_of(fleet), size, seed=seed, numerics=numerics(**said)))
+
+
+def calibrated(folder: Path, out: Path, **settings):
+    """Calibrate a fleet on disk, by this process unless told otherwise."""
+    settings = {"workers": Workers(0), "batch": 2, **settings}
+    return calibrate_fleet_into(out, load_fleet(folder / "FLEET.toml"), **settings)
 
 
 def write_manifest(folder: Path, rows: Sequence[str]) -> None:

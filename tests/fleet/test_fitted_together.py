@@ -7,13 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from simulated_fleet import write_fleet
+from simulated_fleet import calibrated, planned, write_fleet
 
 from heatrun_fleet import work as fitting
-from heatrun_fleet.batches import batches_of, digests_of, numerics
-from heatrun_fleet.cluster import Workers
-from heatrun_fleet.fleet_file import load_fleet
-from heatrun_fleet.job import calibrate_fleet_into
 from heatrun_fleet.machine import Prepared, prepare
 from heatrun_fleet.parts import read_part, table_bytes
 from heatrun_fleet.work import FEWEST, TOO_FEW, fit_machines, work_out
@@ -33,26 +29,14 @@ def bench(tmp_path_factory):
     return folder
 
 
-def planned(bench):
-    fleet = load_fleet(bench / "FLEET.toml")
-    (batch,) = batches_of(fleet, digests_of(fleet), 64, seed=0, numerics=numerics())
-    return batch
-
-
 def is_number(value):
     return isinstance(value[0] if isinstance(value, list) and value else value, float)
 
 
-def assert_same_rows(one, other):
-    assert table_bytes([one]) == table_bytes([other])
-
-
 @pytest.mark.slow
 def test_rows_are_those_of_each_machine_alone(bench, tmp_path):
-    fleet = load_fleet(bench / "FLEET.toml")
-    settings = {"workers": Workers(0), "seed": 0}
-    together = calibrate_fleet_into(tmp_path / "64", fleet, batch=64, **settings)
-    alone = calibrate_fleet_into(tmp_path / "7", fleet, batch=7, **settings)
+    together = calibrated(bench, tmp_path / "64", batch=64, seed=0)
+    alone = calibrated(bench, tmp_path / "7", batch=7, seed=0)
     timing = json.loads((together.path / "timing.json").read_text())
     assert timing["batches"][0]["fitted_alone"] == {"M003": TOO_FEW}
     rows = zip(together.table().to_pylist(), alone.table().to_pylist(), strict=True)
@@ -66,18 +50,21 @@ def test_rows_are_those_of_each_machine_alone(bench, tmp_path):
 
 @pytest.mark.slow
 def test_a_batch_taken_apart_gives_the_same_bytes(bench):
-    batch = planned(bench)
+    (batch,) = planned(bench, 64)
     whole = work_out(batch)
     for place in (0, 7):
         (entry,) = (e for e in batch.entries if e.machine == f"M{place:03d}")
         single = work_out(batch.of_one(entry))
-        assert_same_rows(read_part(single.part), read_part(whole.part).slice(place, 1))
+        own, other = read_part(single.part), read_part(whole.part).slice(place, 1)
+        assert table_bytes([own]) == table_bytes([other])
 
 
 def test_what_one_machine_raises_does_not_touch_the_others(bench, monkeypatch):
     """The fit of many raises; each is fitted by itself then, and one raises again."""
-    ready = [prepare(e, planned(bench)) for e in planned(bench).entries[:1]]
-    (problem,) = (each.problem for each in ready if isinstance(each, Prepared))
+    (batch,) = planned(bench, 64)
+    ready = prepare(batch.entries[0], batch)
+    assert isinstance(ready, Prepared)
+    problem = ready.problem
     spoilt = replace(problem, tests=())
     monkeypatch.setattr(fitting, "why_not", lambda problem: "")
     found = fit_machines([problem, spoilt], 0, NUM)

@@ -16,15 +16,13 @@ from pathlib import Path
 
 import psutil
 import pytest
+from simulated_fleet import calibrated, planned
 
 from heatrun import cli
 from heatrun.errors import InputError
 from heatrun.io.caches import FolderLock
 from heatrun_fleet import job
-from heatrun_fleet.batches import batches_of, digests_of, numerics
 from heatrun_fleet.cluster import Workers
-from heatrun_fleet.fleet_file import load_fleet
-from heatrun_fleet.job import calibrate_fleet_into
 from heatrun_fleet.parts import Parts, read_part
 from heatrun_fleet.work import Done
 
@@ -47,11 +45,6 @@ def no_work(monkeypatch):
     monkeypatch.setattr(job, "work_out", nothing_to_work_out)
 
 
-def here(bench, out, **settings):
-    settings = {"workers": Workers(0), "batch": 2, **settings}
-    return calibrate_fleet_into(out, load_fleet(bench / "FLEET.toml"), **settings)
-
-
 @pytest.fixture
 def kept_work(finished):
     """Work that hands over the part that each batch was worked out to before."""
@@ -66,29 +59,22 @@ def kept_work(finished):
 
 @pytest.mark.parametrize("num", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_workers_give_the_same_bytes(finished, bench, tmp_path, num):
-    here(bench, tmp_path / "out", workers=Workers(num))
+    calibrated(bench, tmp_path / "out", workers=Workers(num))
     assert same(finished, tmp_path / "out")
 
 
 def test_table_and_fleet_file_give_the_same_parts(bench, tmp_path):
-    by_file = load_fleet(bench / "FLEET.toml")
+    by_file = [each.name for each in planned(bench)]
     lines = (bench / "machines.csv").read_text().splitlines()
     alone = [f"{lines[0]},motor", *(f"{line},motor.toml" for line in lines[1:])]
     (bench / "alone.csv").write_text("\n".join(alone) + "\n")
-    by_table = load_fleet(bench / "alone.csv")
-    names = [
-        [each.name for each in batches_of(f, digests_of(f), 2, seed=0, numerics=numerics())]
-        for f in (by_file, by_table)
-    ]
-    assert names[0] == names[1]
-    assert len(set(names[0])) == 3
+    assert [each.name for each in planned(bench, file="alone.csv")] == by_file
+    assert len(set(by_file)) == 3
 
 
 def test_a_part_is_named_by_all_that_it_depends_on(bench):
-    def names(seed=0, model=None, **settings):
-        fleet = load_fleet(bench / "FLEET.toml", model)
-        said = numerics(**settings)
-        return [e.name for e in batches_of(fleet, digests_of(fleet), 2, seed=seed, numerics=said)]
+    def names(**settings):
+        return [each.name for each in planned(bench, **settings)]
 
     before = names()
     assert names() == before
@@ -108,7 +94,7 @@ def test_a_second_run_does_nothing(finished, bench, tmp_path, no_work):
     out = copied(finished, tmp_path)
     times = {path: path.stat().st_mtime_ns for path in out.rglob("*")}
     said: list[str] = []
-    result = here(bench, out, say=said.append)
+    result = calibrated(bench, out, say=said.append)
     assert {path: path.stat().st_mtime_ns for path in out.rglob("*")} == times
     assert "nothing is left to do" in said[-1]
     assert result.manifest["machines"] == {"all": 6, "fitted": 6}
@@ -119,18 +105,23 @@ def test_a_grown_fleet_works_out_what_is_new(finished, bench, tmp_path, monkeypa
     with (bench / "machines.csv").open("a") as file:
         file.write("M900,A,tests/gone.csv,,\n")
     with pytest.raises(InputError, match="--force"):
-        here(bench, out)
-    worked: list[str] = []
-    real = job.work_out
-
-    def counted(batch):
-        worked.extend(entry.machine for entry in batch.entries)
-        return real(batch)
-
-    monkeypatch.setattr(job, "work_out", counted)
-    here(bench, out, is_replacing=True)
+        calibrated(bench, out)
+    worked = counted(monkeypatch, job.work_out)
+    calibrated(bench, out, is_replacing=True)
     assert worked == ["M900"]
     assert read_part(out / "machines.parquet").num_rows == 7
+
+
+def counted(monkeypatch, work):
+    """The list that the machines are added to which are worked out from now on."""
+    worked: list[str] = []
+
+    def counting(batch):
+        worked.extend(entry.machine for entry in batch.entries)
+        return work(batch)
+
+    monkeypatch.setattr(job, "work_out", counting)
+    return worked
 
 
 def copied(finished, tmp_path):
@@ -145,7 +136,7 @@ def test_a_damaged_part_is_worked_out_again(finished, bench, tmp_path):
     data = bytearray(part.read_bytes())
     data[len(data) // 3] ^= 0xFF
     part.write_bytes(data)
-    here(bench, out)
+    calibrated(bench, out)
     assert same(finished, out)
     assert part.read_bytes() != bytes(data)
 
@@ -165,10 +156,10 @@ def test_a_full_disk_loses_nothing(finished, bench, tmp_path, monkeypatch, kept_
     with monkeypatch.context() as patch:
         patch.setattr(job.Parts, "write", until_full)
         with pytest.raises(OSError, match="No space left"):
-            here(bench, out)
+            calibrated(bench, out)
     assert [path.stem for path in (out / "parts").glob("*.parquet")] == written
     assert not (out / "machines.parquet").exists()
-    here(bench, out)
+    calibrated(bench, out)
     assert same(finished, out)
 
 
@@ -184,7 +175,7 @@ def test_a_file_that_changes_meanwhile_is_named(bench, tmp_path, monkeypatch, ke
 
     monkeypatch.setattr(job, "work_out", changing)
     with pytest.raises(InputError, match=r"M003\.csv: The file was changed"):
-        here(bench, tmp_path / "out")
+        calibrated(bench, tmp_path / "out")
     assert len(list((tmp_path / "out" / "parts").glob("*.parquet"))) == 2
 
 
@@ -199,16 +190,10 @@ def test_a_machine_that_workers_died_on_is_tried_again(
 
     with monkeypatch.context() as patch:
         patch.setattr(job, "work_out", dying)
-        assert not here(bench, out).manifest["is_whole"]
+        assert not calibrated(bench, out).manifest["is_whole"]
     assert len(list((out / "parts").glob("*.lost.parquet"))) == 1
-    worked: list[str] = []
-
-    def counted(batch):
-        worked.extend(entry.machine for entry in batch.entries)
-        return kept_work(batch)
-
-    monkeypatch.setattr(job, "work_out", counted)
-    assert here(bench, out).manifest["is_whole"]
+    worked = counted(monkeypatch, kept_work)
+    assert calibrated(bench, out).manifest["is_whole"]
     assert worked == ["M002", "M003"]
     assert not list((out / "parts").glob("*.lost.parquet"))
     assert same(finished, out)
@@ -217,18 +202,18 @@ def test_a_machine_that_workers_died_on_is_tried_again(
 def test_one_process_at_a_time_works_in_a_folder(bench, tmp_path):
     lock = FolderLock.take(tmp_path / "out" / "parts")
     with pytest.raises(InputError, match="another process"):
-        here(bench, tmp_path / "out")
+        calibrated(bench, tmp_path / "out")
     lock.release()
 
 
 def test_a_folder_that_nobody_named_gets_a_number(bench, tmp_path):
     (bench / "machines.csv").write_text("machine,test\nM1,gone.csv\n")
     out = tmp_path / "fleets" / "line-3"
-    first = here(bench, out, is_named=False)
-    assert here(bench, out, is_named=False).path == first.path == out
+    first = calibrated(bench, out, is_named=False)
+    assert calibrated(bench, out, is_named=False).path == first.path == out
     (bench / "machines.csv").write_text("machine,test\nM2,gone.csv\n")
-    assert here(bench, out, is_named=False).path == out.with_name("line-3-2")
-    assert here(bench, out, is_named=False, seed=1).path == out.with_name("line-3-3")
+    assert calibrated(bench, out, is_named=False).path == out.with_name("line-3-2")
+    assert calibrated(bench, out, is_named=False, seed=1).path == out.with_name("line-3-3")
 
 
 def test_the_rows_do_not_depend_on_where_the_fleet_lies(bench, tmp_path):
@@ -236,19 +221,15 @@ def test_the_rows_do_not_depend_on_where_the_fleet_lies(bench, tmp_path):
     (bench / "machines.csv").write_text("machine,test\nM0,tests/M000.csv\nM1,gone.csv\n")
     shutil.copytree(bench, tmp_path / "elsewhere" / "bench")
     for folder in (tmp_path, tmp_path / "elsewhere"):
-        here(folder / "bench", folder / "out")
-    assert filecmp.cmp(
-        tmp_path / "out" / "machines.parquet",
-        tmp_path / "elsewhere" / "out" / "machines.parquet",
-        shallow=False,
-    )
+        calibrated(folder / "bench", folder / "out")
+    assert same(tmp_path, tmp_path / "elsewhere" / "out")
 
 
 def test_other_things_are_left_alone(bench, tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.txt").write_text("mine")
     with pytest.raises(InputError, match="not the folder of a fleet"):
-        here(bench, tmp_path / "mine")
+        calibrated(bench, tmp_path / "mine")
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["thesis.txt"]
 
 
@@ -259,7 +240,7 @@ def test_what_is_not_installed_is_named(bench, tmp_path, monkeypatch, gone):
     rows.schema.cache_clear()
     monkeypatch.setitem(sys.modules, gone, None)
     with pytest.raises(InputError, match=r'pip install "heatrun\[fleet\]"'):
-        here(bench, tmp_path / "out", workers=Workers(2))
+        calibrated(bench, tmp_path / "out", workers=Workers(2))
     assert not (tmp_path / "out").exists()
 
 
@@ -288,7 +269,7 @@ def test_a_killed_command_goes_on(finished, bench, tmp_path):
     assert not (out / "machines.parquet").exists()
     times = {path: path.stat().st_mtime_ns for path in left}
     said_next: list[str] = []
-    here(bench, out, say=said_next.append)
+    calibrated(bench, out, say=said_next.append)
     assert any("were worked out before" in sentence for sentence in said_next)
     assert {path: path.stat().st_mtime_ns for path in left} == times
     assert same(finished, out)

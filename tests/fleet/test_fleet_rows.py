@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import json
 import math
+import re
+import shutil
+from pathlib import Path
 
+import duckdb
 import numpy as np
 import pytest
-from simulated_fleet import bench_file, machine_of
+from simulated_fleet import bench_file, calibrated, machine_of, planned
 
+import heatrun
 from heatrun.calibration import load_tests
 from heatrun.fit.fit import fit
 from heatrun.model.model import Model
 from heatrun.model.problem import Problem
 from heatrun.motor.file import load_motor
-from heatrun_fleet.batches import batches_of, digests_of, numerics
-from heatrun_fleet.cluster import Workers
-from heatrun_fleet.fleet_file import load_fleet
-from heatrun_fleet.job import calibrate_fleet_into
+from heatrun_fleet.entries import COLUMNS as OF_A_TABLE
+from heatrun_fleet.fleet_file import KEYS
 from heatrun_fleet.machine import Prepared, prepare
 from heatrun_fleet.parts import read_part
+from heatrun_fleet.population.table import COLUMNS as OF_A_POPULATION
 from heatrun_fleet.rows import COLUMNS, schema
 
 FAR = 4.0
@@ -103,9 +107,7 @@ def test_bad_machines_are_named_and_kept_apart(finished, bench, tmp_path):
         "B_stretch,A,tests/M004.csv@9h..10h,,,",
     ]
     (bench / "machines.csv").write_text("\n".join(rows) + "\n")
-    result = calibrate_fleet_into(
-        tmp_path / "out", load_fleet(bench / "FLEET.toml"), workers=Workers(0), batch=2
-    )
+    result = calibrated(bench, tmp_path / "out")
     found = {row["machine"]: row for row in rows_of(tmp_path / "out")}
     assert result.manifest["machines"] == {"all": 9, "fitted": 2, "refused": 7}
     expected = {
@@ -132,8 +134,7 @@ def test_bad_machines_are_named_and_kept_apart(finished, bench, tmp_path):
 def test_rows_of_one_machine_become_one_problem(bench):
     rows = ["machine,test,role", "M1,tests/M000.csv,", "M1,tests/M001.csv,", "M1,tests/M002.csv,"]
     (bench / "machines.csv").write_text("\n".join([*rows[:3], f"{rows[3]}holdout"]) + "\n")
-    fleet = load_fleet(bench / "FLEET.toml")
-    (batch,) = batches_of(fleet, digests_of(fleet), 16, seed=0, numerics=numerics())
+    (batch,) = planned(bench, 16)
     ready = prepare(batch.entries[0], batch)
     assert isinstance(ready, Prepared)
     assert [test.name for test in ready.problem.tests] == ["M000", "M001"]
@@ -149,11 +150,36 @@ def test_held_out_tests_are_predicted(bench, tmp_path):
     (bench / "tests" / "other.csv").write_text(bench_file(machine_of(0), seed=50, minutes=20.0))
     text = "machine,test,holdout\nM000,tests/M000.csv,tests/other.csv\n"
     (bench / "machines.csv").write_text(text)
-    calibrate_fleet_into(
-        tmp_path / "out", load_fleet(bench / "FLEET.toml"), workers=Workers(0), batch=2
-    )
+    calibrated(bench, tmp_path / "out")
     (row,) = rows_of(tmp_path / "out")
     assert row["holdout_tests"] == ["other"]
     # 0.1 K of noise a sample, and parameters that 20 min leave open
     assert row["holdout_rmse_K"][0] < 1.0
     assert row["holdout_coverage_95"][0] > 0.7
+
+
+PAGE = (Path(__file__).parents[2] / "docs" / "fleet.md").read_text("utf-8")
+
+
+@pytest.mark.parametrize("columns", [COLUMNS, OF_A_POPULATION], ids=["fleet", "population"])
+def test_the_page_lists_every_column_of_the_rows(columns):
+    expected = [
+        f"| `{name}` | {kind} | {unit} | {meaning} |" for name, kind, unit, meaning in columns
+    ]
+    start = PAGE.index(expected[0])
+    assert PAGE[start:].splitlines()[: len(expected)] == expected
+
+
+def test_the_page_says_every_key_and_column_of_the_fleet_file():
+    assert all(re.search(rf"^    {key} = ", PAGE, re.M) for key in KEYS)
+    assert all(f"`{name}`" in PAGE for name in OF_A_TABLE)
+
+
+def test_the_queries_run(finished, tmp_path, monkeypatch):
+    shutil.copy(finished / "out" / "machines.parquet", tmp_path)
+    heatrun.population(finished / "out", out=tmp_path)
+    monkeypatch.chdir(tmp_path)
+    queries = re.findall(r"^    (select .*?);$", PAGE, re.M | re.S)
+    assert len(queries) == 7
+    for query in queries:
+        duckdb.sql(query).fetchall()

@@ -8,21 +8,17 @@ from pathlib import Path
 import psutil
 import pytest
 from deaths import ALWAYS, rows_alone, rows_or_death
+from simulated_fleet import planned
 
 from heatrun.errors import InputError
 from heatrun_fleet import cluster, job
-from heatrun_fleet.batches import batches_of, digests_of, numerics
 from heatrun_fleet.cluster import Pool, Workers, connected, over_workers
-from heatrun_fleet.fleet_file import load_fleet
 from heatrun_fleet.parts import read_part
 
 pytest.importorskip("distributed")
 
 
-def planned(bench, size=2):
-    fleet = load_fleet(bench / "FLEET.toml")
-    said = numerics(**Workers(2).settings)
-    return batches_of(fleet, digests_of(fleet), size, seed=0, numerics=said)
+SETTINGS = Workers(2).settings
 
 
 def listening():
@@ -38,7 +34,7 @@ def listening():
 
 def test_workers_that_die_are_replaced_and_the_culprit_is_named(bench, monkeypatch):
     monkeypatch.setattr(cluster, "DEATHS", 2)
-    batches = planned(bench)
+    batches = planned(bench, **SETTINGS)
     before = len(listening())
     found: dict = {}
 
@@ -117,14 +113,11 @@ def test_a_scheduler_that_runs_already_is_used_under_tls(bench, tmp_path):
 
     security = Security.temporary()
     files = {}
-    for key, name in (
-        ("ca", "tls_ca_file"),
-        ("cert", "tls_client_cert"),
-        ("key", "tls_client_key"),
-    ):
+    names = {"ca": "tls_ca_file", "cert": "tls_client_cert", "key": "tls_client_key"}
+    for key, name in names.items():
         files[key] = str(tmp_path / f"{key}.pem")
         Path(files[key]).write_text(getattr(security, name))
-    batches = planned(bench)
+    batches = planned(bench, **SETTINGS)
     found = []
     with (
         dask.config.set({"distributed.scheduler.http.routes": []}),
@@ -140,9 +133,6 @@ def test_a_scheduler_that_runs_already_is_used_under_tls(bench, tmp_path):
 
 
 def test_workers_of_other_versions_are_refused(bench):
-    batches = batches_of(
-        load_fleet(bench / "FLEET.toml"), digests_of(load_fleet(bench / "FLEET.toml")), 6, seed=0,
-        numerics=numerics(XLA_FLAGS="--other"),
-    )  # fmt: skip
+    batches = planned(bench, 6, XLA_FLAGS="--other")
     with pytest.raises(InputError, match="XLA_FLAGS '--other'"):
         job.work_out(batches[0])

@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow
 import pyarrow.parquet
 import pytest
-from simulated_fleet import write_fleet
+from simulated_fleet import planned, write_fleet
 
 from heatrun import cli
 from heatrun.errors import InputError
@@ -20,8 +20,6 @@ from heatrun.fit.restricted import whiten_fit
 from heatrun.model.problem import Problem, linearise
 from heatrun.results import to_json
 from heatrun.results.schema import schema_of
-from heatrun_fleet.batches import batches_of, digests_of, numerics
-from heatrun_fleet.fleet_file import load_fleet
 from heatrun_fleet.machine import Prepared, prepare
 from heatrun_fleet.results.schema import SCHEMAS
 from heatrun_fleet.shared_effects.claims import discovery_text
@@ -153,34 +151,37 @@ def test_machines_may_differ_in_tests_and_channels():
     assert counts["speed_cooling"] == 25
 
 
-def test_too_few_machines_say_so(tmp_path):
-    rows = tmp_path / "machines.parquet"
-    names, evidence = machines(FEWEST - 1, 0)
-    table = [
-        {"machine": n, "type": "A", "status": "fitted", "is_converged": True,
+def rows_of(type, names, evidence):
+    """Rows of a fleet with what its tests say; the fit of a machine `M0` did not converge."""
+    return [
+        {"machine": n, "type": type, "status": "fitted", "is_converged": not n.endswith("M0"),
          "parameters": ["Req_sr"], **effect_columns(e)}
         for n, e in zip(names, evidence, strict=True)
     ]  # fmt: skip
-    table.append({**table[0], "machine": "M9", "status": "refused", "effects": []})
+
+
+def discovered(folder, table):
+    rows = folder / "machines.parquet"
     pyarrow.parquet.write_table(pyarrow.Table.from_pylist(table), rows)
-    (said,) = discover_fleet(rows, "line").types
+    return discover_fleet(rows, "line")
+
+
+def test_too_few_machines_say_so(tmp_path):
+    _, evidence = machines(FEWEST - 1, 0)
+    table = rows_of("A", [f"M{i}" for i in range(1, FEWEST)], evidence)
+    table.append({**table[0], "machine": "M99", "status": "refused", "effects": []})
+    (said,) = discovered(tmp_path, table).types
     assert (said.verdict, said.num_machines) == ("too_few", FEWEST - 1)
-    assert [(each.machine, each.reason) for each in said.left_out] == [("M9", "refused")]
+    assert [(each.machine, each.reason) for each in said.left_out] == [("M99", "refused")]
     assert "10" in said.sentence
 
 
 def test_the_result_holds_to_its_schema_and_reads_as_words(tmp_path):
-    rows = tmp_path / "machines.parquet"
     table = []
     for type, settings in (("A", {"effect": "radiation.eA", "size": 0.8}), ("B", {})):
         names, evidence = machines(30, 5, **settings)
-        table += [
-            {"machine": type + n, "type": type, "status": "fitted", "is_converged": n != "M0",
-             "parameters": ["Req_sr"], **effect_columns(e)}
-            for n, e in zip(names, evidence, strict=True)
-        ]  # fmt: skip
-    pyarrow.parquet.write_table(pyarrow.Table.from_pylist(table), rows)
-    result = discover_fleet(rows, "line")
+        table += rows_of(type, [type + n for n in names], evidence)
+    result = discovered(tmp_path, table)
     jsonschema.validate(json.loads(to_json(result)), schema_of("fleet-discovery-1.json", SCHEMAS))
     (tmp_path / NAME).write_text(to_json(result))
     assert to_json(read_discovery(tmp_path)) == to_json(result)
@@ -275,8 +276,7 @@ def test_the_evidence_is_that_of_the_model_with_the_effect(tmp_path):
 
 def fit_of(folder):
     """The fit of the first machine of a fleet on disk."""
-    fleet = load_fleet(folder / "FLEET.toml")
-    (batch,) = batches_of(fleet, digests_of(fleet), 1, seed=0, numerics=numerics())
+    (batch,) = planned(folder, 1)
     ready = prepare(batch.entries[0], batch)
     assert isinstance(ready, Prepared)
     return fit(ready.problem, seed=0)

@@ -197,25 +197,22 @@ def parquet() -> bytes:
     return buffer.getvalue()
 
 
-def mdf(compression: int = 0) -> bytes:
+def mdf(compression: int = 0, version: str = "4.10") -> bytes:
     """Return an MDF 4 file with two rates, a conversion, a text and invalid samples."""
     import asammdf
 
     fast, slow = np.arange(0.0, 2.0, 0.1), np.arange(4.0)
-    file = asammdf.MDF(version="4.10")
+    file = asammdf.MDF(version=version)
     file.append([
         asammdf.Signal(np.sin(fast), fast, name="phase_current_A", unit="A"),
         asammdf.Signal((100 * fast).astype("u2"), fast, name="losses_W", unit="W",
                        invalidation_bits=fast >= 1.5),
     ])  # fmt: skip
-    file.append(
-        [
-            asammdf.Signal(
-                slow, slow, name="winding", unit="K", conversion={"a": 2.0, "b": 293.15}
-            ),
-            asammdf.Signal(np.full(4, b"abc"), slow, name="note", encoding="utf-8"),
-        ]
-    )
+    conversion = {"a": 2.0, "b": 293.15}
+    file.append([
+        asammdf.Signal(slow, slow, name="winding", unit="K", conversion=conversion),
+        asammdf.Signal(np.full(4, b"abc"), slow, name="note", encoding="utf-8"),
+    ])  # fmt: skip
     path = FOLDER / "made.mf4"
     file.save(path, overwrite=True, compression=compression)
     file.close()
@@ -321,6 +318,7 @@ TARGETS: dict[str, Target] = {
     "checkpoint": Target(checkpoint, (chunk(), stored(chunk()))),
 }  # fmt: skip
 if find_spec("asammdf"):
-    TARGETS["mdf"] = Target(record("mf4", start=b"MDF     "), (mdf()[8:], mdf(2)[8:]))
+    files = mdf(), mdf(2), mdf(version="4.20")
+    TARGETS["mdf"] = Target(record("mf4", start=b"MDF     "), tuple(file[8:] for file in files))
 if find_spec("nptdms"):
     TARGETS["tdms"] = Target(record("tdms", start=b"TDSm"), (tdms()[4:],))

@@ -1,11 +1,15 @@
-"""Inputs that once ended in a traceback, a wrong number or without bound; each is a case kept."""
+"""Inputs and names that once ended in a traceback, a wrong number or without bound, kept."""
 
 from __future__ import annotations
 
 import gzip
 import io
+import json
+import os
 import re
 import struct
+import subprocess
+import sys
 import zipfile
 import zlib
 from pathlib import Path
@@ -23,9 +27,11 @@ from heatrun.motor.file import load_motor
 from heatrun.posterior.ensemble import CONTENT, Checkpoint
 from heatrun.readers import mat, mat5, parquet
 from heatrun.readers.read import read_raw, read_record
+from heatrun.results import to_json
 from heatrun.simulation import parameters_from
 
 ROOT = Path(__file__).parents[2]
+MAT_HEADER = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
 GOOD = "Ceq_w = 666.75\nCeq_sr = 15060.1\nReq_w = 0.14485\nReq_sr = 0.11625\n"
 
 
@@ -79,18 +85,15 @@ def test_times_beyond_any_number_count_as_missing_and_are_named(times, tmp_path)
         assert any("too large for a number" in note for note in record.notes)
 
 
-def test_a_gzip_bomb_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    "packed",
+    [gzip.compress(b"1,2\n" * 2**20), gzip.compress(b"1,2\n" * 2**17) * 3],
+    ids=["one member", "many small members"],
+)
+def test_a_gzip_bomb_is_refused_before_it_is_unpacked(packed, tmp_path, monkeypatch):
     monkeypatch.setattr(open_file, "LARGEST_BYTES", 2**20)
     path = tmp_path / "test.csv.gz"
-    path.write_bytes(gzip.compress(b"1,2\n" * 2**20))
-    with pytest.raises(InputError, match="more than 1 MB unpacked"):
-        read_raw(path)
-
-
-def test_many_small_members_of_a_gzip_file_are_counted_together(tmp_path, monkeypatch):
-    monkeypatch.setattr(open_file, "LARGEST_BYTES", 2**20)
-    path = tmp_path / "test.csv.gz"
-    path.write_bytes(gzip.compress(b"1,2\n" * 2**17) * 3)
+    path.write_bytes(packed)
     with pytest.raises(InputError, match="more than 1 MB unpacked"):
         read_raw(path)
 
@@ -101,11 +104,6 @@ def test_a_file_of_two_gigabytes_is_refused_unread(tmp_path):
         file.truncate(2**31)
     with pytest.raises(InputError, match=r"at most 1024 MB, got 2048 MB.*lower rate"):
         read_raw(path)
-
-
-def test_an_endless_device_is_refused():
-    with pytest.raises(InputError, match="got a device"):
-        read_raw("/dev/zero")
 
 
 @pytest.mark.parametrize("start", [b"\xfd7zXZ\x00", b"BZh9", b"\x28\xb5\x2f\xfd", b"Rar!"])
@@ -119,9 +117,8 @@ def test_archives_are_named_and_left_packed(start, tmp_path):
 def test_a_bomb_in_a_compressed_matlab_variable(tmp_path, monkeypatch):
     monkeypatch.setattr(mat5, "LARGEST_BYTES", 2**20)
     packed = zlib.compress(bytes(2**22))
-    header = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
     path = tmp_path / "test.mat"
-    path.write_bytes(header + struct.pack("<II", 15, len(packed)) + packed)
+    path.write_bytes(MAT_HEADER + struct.pack("<II", 15, len(packed)) + packed)
     with pytest.raises(InputError, match="more than 1 MB"):
         read_raw(path)
 
@@ -135,12 +132,11 @@ def test_the_head_of_a_matlab_variable_in_floating_point(place, tmp_path):
     heads = [_element(6, bytes([6, 0, 0, 0] * 2)), _element(5, struct.pack("<2i", 3, 1)),
              _element(1, b"t")]  # fmt: skip
     values = _element(9, struct.pack("<3d", 0.0, 1.0, 2.0))
-    header = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
     path = tmp_path / "test.mat"
-    path.write_bytes(header + _element(14, b"".join([*heads, values])))
+    path.write_bytes(MAT_HEADER + _element(14, b"".join([*heads, values])))
     assert mat5.read_variables(path.read_bytes())["t"].ravel().tolist() == [0.0, 1.0, 2.0]
     heads[place] = _element(9, struct.pack("<2d", np.nan, 1.0))
-    path.write_bytes(header + _element(14, b"".join([*heads, values])))
+    path.write_bytes(MAT_HEADER + _element(14, b"".join([*heads, values])))
     with pytest.raises(InputError, match="stored as floating-point numbers"):
         read_raw(path)
 
@@ -273,3 +269,43 @@ def test_no_file_of_the_packages_runs_what_it_reads():
                 if "np.load(" in line and "allow_pickle=False" not in line:
                     found.append(f"{path.relative_to(ROOT)}:{number}: {line.strip()}")
     assert found == []
+
+
+TABLE = "time_s,phase_current_A,losses_W,ambient_degC,winding_degC\n" + "".join(
+    f"{t},10,300,20,{20 + 0.001 * t:.3f}\n" for t in range(600)
+)
+
+
+@pytest.mark.parametrize("options", [[], ["--json"]])
+def test_a_name_that_is_no_text_is_escaped(options, tmp_path):
+    (tmp_path / "motor.toml").write_text('[motor]\nname = "\\u001b]0;x\\u0007"\n')
+    names = (b"duty\xff\x1b[31m.csv", "=cmd()|'\u202e.csv".encode())
+    paths = [os.path.join(os.fsencode(tmp_path), name) for name in names]
+    for path in paths:
+        with open(path, "w") as file:
+            file.write(TABLE)
+    done = subprocess.run(
+        [sys.executable, "-m", "heatrun.cli", "check", str(tmp_path / "motor.toml"),
+         *map(os.fsdecode, paths), *options],
+        capture_output=True, check=False, env={**os.environ, "PYTHONIOENCODING": "ascii"},
+    )  # fmt: skip
+    assert done.returncode in (0, 1)
+    assert b"Traceback" not in done.stderr
+    for stream in (done.stdout, done.stderr):
+        assert b"\x1b" not in stream
+        assert b"\xff" not in stream
+    if options:
+        said = json.loads(done.stdout)
+        assert said["findings"]
+        assert len(said["tests"]) == len(names)
+
+
+def test_a_test_is_named_after_what_can_be_printed(tmp_path):
+    path = os.path.join(os.fsencode(tmp_path), b"duty\xff\x1b.csv")
+    with open(path, "w") as file:
+        file.write(TABLE)
+    record = read_record(os.fsdecode(path))
+    assert record.name == "duty??"
+    assert json.loads(to_json({"path": record.sources[0].path}))["path"].endswith(
+        r"duty\udcff" + "\x1b.csv"
+    )

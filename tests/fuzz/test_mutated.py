@@ -1,6 +1,8 @@
-"""Whole files with bytes changed, cut, doubled: our own error or a record, nothing else."""
+"""Files with bytes changed, cut, doubled: our error or a record; none against what it states."""
 
 from __future__ import annotations
+
+import random
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -49,3 +51,15 @@ def test_a_changed_file_gives_our_error_or_a_result(name, targets):
 def test_the_whole_files_are_read(name, targets):
     for seed in targets[name].seeds:
         targets[name].run(seed)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_reading_departs_from_what_the_file_states(seed, targets):
+    rng = random.Random(seed)
+    faults = []
+    for _ in range(20):
+        try:
+            targets["statement"].run(rng.randbytes(rng.choice((3, 8, 20, 40))))
+        except AssertionError as fault:
+            faults.append(str(fault))
+    assert not faults, "\n".join(faults)

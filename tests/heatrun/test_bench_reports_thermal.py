@@ -25,6 +25,12 @@ from heatrun_reports.thermal import thermal_report
 MOTOR = Motor("reference", phase_resistance_ohm=0.0062)
 
 
+def held(name: str, time_s: np.ndarray, **channels) -> Record:
+    """A record; a number is a channel that does not change."""
+    columns = {key: np.broadcast_to(v, time_s.shape) for key, v in channels.items()}
+    return Record(name, {"time_s": time_s, **columns})
+
+
 def warming(*, tau_s: float, hours: float, noise_K: float = 0.1, rounding_K: float = 0.0) -> Record:
     """A rise of 80 K that settles with one time constant."""
     rng = np.random.default_rng(5)
@@ -32,10 +38,7 @@ def warming(*, tau_s: float, hours: float, noise_K: float = 0.1, rounding_K: flo
     winding = 20.0 + 80.0 * (1.0 - np.exp(-time_s / tau_s)) + noise_K * rng.normal(size=time_s.size)
     if rounding_K:
         winding = rounding_K * np.round(winding / rounding_K)
-    return Record(
-        "warming",
-        {"time_s": time_s, "winding_degC": winding, "ambient_degC": np.full(time_s.size, 20.0)},
-    )
+    return held("warming", time_s, winding_degC=winding, ambient_degC=20.0)
 
 
 @pytest.fixture
@@ -66,15 +69,8 @@ def test_rises_stand_beside_temperatures():
 
 def test_the_losses_split_as_the_thesis_has_it():
     # line 12 of the published worksheet: 74.18334424 A at 22 degC and 521.843 W
-    record = Record(
-        "worksheet",
-        {
-            "time_s": np.array([0.0, 0.1]),
-            "phase_current_A": np.full(2, 74.18334424),
-            "losses_W": np.full(2, 521.843),
-            "winding_degC": np.array([22.0, 22.0]),
-        },
-    )
+    record = held("worksheet", np.array([0.0, 0.1]), phase_current_A=74.18334424, losses_W=521.843,
+                  winding_degC=22.0)  # fmt: skip
     split = split_losses(record, MOTOR)
     # R = 0.0062 (234.5 + 22)/(234.5 + 25) = 0.00612832 ohm; 3 I^2 R = 101.1756 W
     assert split.joule_W == pytest.approx(101.1756, abs=1e-4)
@@ -124,10 +120,7 @@ def test_coarse_readings_leave_equilibrium_undecided_rather_than_wrong():
     rng = np.random.default_rng(7)
     time_s = np.arange(0.0, 7200.0, 10.0)
     winding = np.round(100.2 + 1.5 * time_s / 3600.0 + 0.02 * rng.normal(size=time_s.size))
-    record = Record(
-        "coarse",
-        {"time_s": time_s, "winding_degC": winding, "ambient_degC": np.full(time_s.size, 20.0)},
-    )
+    record = held("coarse", time_s, winding_degC=winding, ambient_degC=20.0)
     found = equilibrium(record, MOTOR, "winding_degC")
     assert found.is_reached is None
     assert min(found.errors_K_per_h) > 0.3  # a step of 1 K in half an hour
@@ -196,22 +189,22 @@ def test_draws_leave_out_starts_and_keep_fixed_values(run):
     assert set(draws.of_test("duty")) == {*values, "Tw_start", "Tsr_start", "load_timing"}
 
 
-@pytest.mark.parametrize("damage", ["posterior", "format", "effect", "missing"])
+DAMAGE = {
+    "posterior": ("posterior_second.nc", lambda whole: b"no netcdf"),
+    "format": ("model_second.toml", lambda whole: whole.replace(b"[losses]", b"[loss]")),
+    "effect": ("model_second.toml",
+               lambda whole: whole.replace(b"effects = []", b'effects = ["of_ours_alone"]', 1)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("damage", [*DAMAGE, "missing"])
 def test_a_damaged_run_is_an_error_of_ours(run, damage):
-    text = (run / "model_second.toml").read_text("utf-8")
-    if damage == "posterior":
-        (run / "posterior_second.nc").write_bytes(b"no netcdf")
-        seal(run)
-    elif damage == "format":
-        (run / "model_second.toml").write_text(text.replace("[losses]", "[loss]"), "utf-8")
-        seal(run)
-    elif damage == "effect":
-        (run / "model_second.toml").write_text(
-            text.replace("effects = []", 'effects = ["of_ours_alone"]', 1), "utf-8"
-        )
-        seal(run)
-    else:
+    if damage == "missing":
         (run / "model_second.toml").unlink()
+    else:
+        name, spoil = DAMAGE[damage]
+        (run / name).write_bytes(spoil((run / name).read_bytes()))
+        seal(run)
     with pytest.raises(InputError, match=r"run|of_ours_alone"):
         open_run(run).draws()
 
@@ -248,16 +241,12 @@ def two_loads(*, first_min: float = 73.0, second_min: float = 70.0, tau_min: flo
     top = 100.0 * (1.0 - np.exp(-end_s / tau_s))
     after = 37.0 + (top - 37.0) * np.exp(-(time_s - end_s) / tau_s)
     rise = np.where(is_first, 100.0 * (1.0 - np.exp(-time_s / tau_s)), after)
-    return Record(
-        "two_loads",
-        {
-            "time_s": time_s,
-            "torque_Nm": np.where(is_first, 60.0, 0.0) + 0.2 * rng.normal(size=time_s.size),
-            "speed_rpm": 5500.0 + rng.normal(size=time_s.size),
-            "winding_degC": 20.0 + rise + 0.05 * rng.normal(size=time_s.size),
-            "ambient_degC": np.full(time_s.size, 20.0),
-        },
-    )
+    return held(
+        "two_loads", time_s,
+        torque_Nm=np.where(is_first, 60.0, 0.0) + 0.2 * rng.normal(size=time_s.size),
+        speed_rpm=5500.0 + rng.normal(size=time_s.size),
+        winding_degC=20.0 + rise + 0.05 * rng.normal(size=time_s.size), ambient_degC=20.0,
+    )  # fmt: skip
 
 
 def test_a_load_step_after_equilibrium_takes_nothing_back():
@@ -363,9 +352,8 @@ def test_the_report_marks_what_is_extrapolated():
     time_s = np.arange(0.0, 4500.0, 5.0)
     rng = np.random.default_rng(8)
     winding = 20.0 + 90.0 * (1.0 - np.exp(-time_s / 3000.0)) + 0.1 * rng.normal(size=time_s.size)
-    channels = {"time_s": time_s, "winding_degC": winding, "torque_Nm": np.full(time_s.size, 30.0)}
-    channels["ambient_degC"] = np.full(time_s.size, 20.0)
-    report = build_report("thermal", MOTOR, Record("stopped", channels))
+    record = held("stopped", time_s, winding_degC=winding, torque_Nm=30.0, ambient_degC=20.0)
+    report = build_report("thermal", MOTOR, record)
     (row,) = [row for row in report.rows if row.name == "winding_steady_degC"]
     assert "extrapolated" in row.label
     assert row.value == pytest.approx(110.0, abs=3.0)
@@ -419,16 +407,8 @@ def printed():
     time_s = np.arange(0.0, 5400.0, 10.0)
     rise = 60.0 * (1.0 - np.exp(-time_s / 1800.0))
     noise = 0.2 * np.random.default_rng(3).standard_normal(time_s.size)
-    record = Record(
-        "step",
-        {
-            "time_s": time_s,
-            "winding_degC": np.round(20.0 + rise + noise, 1),
-            "ambient_degC": np.full(time_s.size, 20.0),
-            "phase_current_A": np.full(time_s.size, 80.0),
-            "losses_W": np.full(time_s.size, 612.3),
-        },
-    )
+    record = held("step", time_s, winding_degC=np.round(20.0 + rise + noise, 1), ambient_degC=20.0,
+                  phase_current_A=80.0, losses_W=612.3)  # fmt: skip
     report = thermal_report(OF_20_mOHM, record)
     content = document_content(report, {})
     tables = {t["title"]: {line[0]: line[1:] for line in t["lines"]} for t in content["tables"]}

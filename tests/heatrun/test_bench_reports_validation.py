@@ -36,15 +36,13 @@ def manoeuvre(
     rng = np.random.default_rng(seed)
     clock = np.arange(0.0, 650.0, step_s)
     moment = clock - offset_s
-    power = np.interp(moment, CORNERS_S, POWER_W)
+    power = np.interp(moment, CORNERS_S, POWER_W) + more.get("power_zero_W", 0.0)
     winding = 30.0 + 25.0 * (1.0 - np.exp(-np.clip(moment - 60.0, 0.0, None) / 150.0))
     return Record(
         f"logger_{seed}",
         {
             "time_s": clock,
-            "dc_power_W": power
-            + more.get("power_zero_W", 0.0)
-            + 20.0 * rng.normal(size=clock.size),
+            "dc_power_W": power + 20.0 * rng.normal(size=clock.size),
             "winding_degC": winding + bias_K + 0.1 * rng.normal(size=clock.size),
         },
     )
@@ -57,7 +55,7 @@ def test_a_known_offset_and_a_known_bias_come_back(offset_s):
     # A logger that started 12.3 s earlier must be moved back by them.
     assert found.pair.offset.offset_s == pytest.approx(-offset_s, abs=found.pair.offset.sd_s)
     assert found.pair.offset.sd_s < 0.6  # two stamps of 1 s: sqrt(2/12)
-    winding = next(s for s in found.signals if s.channel == "winding_degC")
+    winding = of(found, "winding_degC")
     # standard error of the mean of two noises of 0.1 K over 600 samples: 0.006 K
     assert winding.bias == pytest.approx(-2.0, abs=0.03)
     assert winding.rmse == pytest.approx(2.0, abs=0.03)
@@ -78,10 +76,8 @@ def test_a_tolerance_decides_between_agrees_biased_and_differs():
     test, other = manoeuvre(), manoeuvre(bias_K=2.0, seed=2)
 
     def verdict(tolerance: float) -> str:
-        found = validate(
-            test, Reference(other), MOTOR, tolerances={"winding_degC": tolerance}, offset_s=0.0
-        )
-        return next(s.verdict for s in found.signals if s.channel == "winding_degC")
+        found = confronted(test, other, MOTOR, winding_degC=tolerance)
+        return of(found, "winding_degC").verdict
 
     assert verdict(3.0) == "agrees"
     assert verdict(1.0) == "biased"  # off by 2 K, spread by 0.14 K
@@ -90,8 +86,7 @@ def test_a_tolerance_decides_between_agrees_biased_and_differs():
 
 def test_the_energies_of_a_power_are_compared():
     test, other = manoeuvre(), manoeuvre(power_zero_W=360.0, seed=2)
-    found = validate(test, Reference(other), MOTOR, offset_s=0.0)
-    power = next(s for s in found.signals if s.channel == "dc_power_W")
+    power = of(confronted(test, other, MOTOR), "dc_power_W")
     assert power.energy_kWh is not None
     # 360 W over the 649 s in common; noise of 28 W over 650 samples: 1.1 W of it
     assert power.energy_kWh[1] - power.energy_kWh[0] == pytest.approx(360 * 649 / 3.6e6, rel=0.01)
@@ -105,22 +100,24 @@ def test_a_finer_record_is_averaged_over_the_samples_of_the_coarser():
     assert float(np.median(np.diff(found.time_s))) == pytest.approx(1.0)
 
 
-def test_records_that_do_not_overlap_are_refused():
-    with pytest.raises(InputError, match="do not overlap"):
-        validate(manoeuvre(), Reference(manoeuvre(seed=2)), MOTOR, offset_s=1e4)
+NOISE = np.random.default_rng(3).normal(size=650)
+SECONDS = np.arange(650.0)
 
 
-def test_records_of_another_manoeuvre_are_refused():
-    rng = np.random.default_rng(3)
-    noise = Record("noise", {"time_s": np.arange(650.0), "dc_power_W": rng.normal(size=650)})
-    with pytest.raises(InputError, match="records of one manoeuvre"):
-        validate(manoeuvre(), Reference(noise), MOTOR)
-
-
-def test_records_without_a_common_signal_are_refused():
-    other = Record("other", {"time_s": np.arange(650.0), "torque_Nm": np.arange(650.0)})
-    with pytest.raises(InputError, match="a signal that both records hold"):
-        validate(manoeuvre(), Reference(other), MOTOR)
+@pytest.mark.parametrize(
+    ("other", "offset_s", "said"),
+    [
+        (manoeuvre(seed=2), 1e4, "do not overlap"),
+        (Record("noise", {"time_s": SECONDS, "dc_power_W": NOISE}), None,
+         "records of one manoeuvre"),
+        (Record("other", {"time_s": SECONDS, "torque_Nm": SECONDS}), None,
+         "a signal that both records hold"),
+    ],
+    ids=["no time in common", "another manoeuvre", "no common signal"],
+)  # fmt: skip
+def test_records_that_cannot_be_compared_are_refused(other, offset_s, said):
+    with pytest.raises(InputError, match=said):
+        validate(manoeuvre(), Reference(other), MOTOR, offset_s=offset_s)
 
 
 def test_a_manoeuvre_that_repeats_is_ambiguous_and_said():
@@ -196,16 +193,10 @@ def test_the_bundled_prototypes_give_back_what_was_hidden_in_the_logger():
 
 
 def test_the_bundled_prototypes_can_be_made_again_and_match_their_checksums(tmp_path):
-    subprocess.run(
-        [sys.executable, "-B", PROTOTYPES / "generate.py", "--out", tmp_path],
-        check=True,
-        capture_output=True,
-    )
-    stated = dict(
-        re.findall(
-            r"\| `([^`]+)` \| `([0-9a-f]{64})` \|", (PROTOTYPES / "README.md").read_text("utf-8")
-        )
-    )
+    words = [sys.executable, "-B", PROTOTYPES / "generate.py", "--out", tmp_path]
+    subprocess.run(words, check=True, capture_output=True)
+    page = (PROTOTYPES / "README.md").read_text("utf-8")
+    stated = dict(re.findall(r"\| `([^`]+)` \| `([0-9a-f]{64})` \|", page))
     assert {path.name for path in tmp_path.iterdir()} == set(stated)
     for name, digest in stated.items():
         made, kept = (tmp_path / name).read_bytes(), (PROTOTYPES / name).read_bytes()
@@ -235,7 +226,7 @@ def test_what_drove_a_simulation_is_no_evidence(tmp_path):
     assert found.pair.offset.offset_s == 2.0  # a reader counts time from the first sample
     verdicts = {s.channel: s.verdict for s in found.signals}
     assert verdicts["losses_W"] == verdicts["phase_current_A"] == "input"
-    winding = next(s for s in found.signals if s.channel == "winding_degC")
+    winding = of(found, "winding_degC")
     assert winding.bias == pytest.approx(-1.0, abs=1e-6)  # as written to six decimals
     assert winding.share_in_band == pytest.approx(0.5, abs=0.01)  # half of the samples by make
     assert [s.channel for s in found.judged] == ["winding_degC"]
@@ -296,9 +287,8 @@ def test_a_small_rise_is_judged_by_the_uncertainty_of_both_sensors():
 def test_the_sensor_class_of_the_motor_file_and_the_step_of_the_readings_count():
     better = Motor("car", parameters={"sensor_offset": ParameterOverride(sd=0.1)})
     coarse = drive("coarse")
-    rounded = Record(
-        "coarse", {**coarse.channels, "winding_degC": np.round(coarse["winding_degC"])}
-    )
+    steps = np.round(coarse["winding_degC"])
+    rounded = Record("coarse", {**coarse.channels, "winding_degC": steps})
     found = of(confronted(drive("a"), rounded, better), "winding_degC")
     # 0.1 K and 0.5 % of the rise twice, and 1/12 of a squared step of 1 K: k = 2
     u = np.sqrt(2.0 * (0.1**2 + (0.005 * 0.95 * 17.0) ** 2) + 1.0 / 12.0)
@@ -319,9 +309,8 @@ def test_a_bias_is_judged_on_a_rise_of_17_kelvin(bias_K, verdict):
 def test_the_band_of_a_simulation_takes_the_place_of_its_sensor():
     other = drive("simulated")
     course = other["winding_degC"]
-    reference = Reference(
-        other, bands={"winding_degC": (course - 1.96, course + 1.96)}, starts_at_s=0.0
-    )
+    bands = {"winding_degC": (course - 1.96, course + 1.96)}
+    reference = Reference(other, bands=bands, starts_at_s=0.0)
     found = validate(drive("test"), reference, CAR, offset_s=0.0)
     # a band of 1 K standard deviation, and the test's own sensor
     u = np.sqrt(1.0**2 + 0.5**2 + (0.005 * 0.95 * 17.0) ** 2)
@@ -375,9 +364,8 @@ def test_power_at_the_dc_link_is_not_set_against_power_at_the_terminals():
 
 
 def test_the_report_says_the_rule_the_tolerance_and_what_decided_it():
-    report = build_report(
-        "real", CAR, drive("a", bias_K=3.0), reference=Reference(drive("b")), offset_s=0.0
-    )
+    test, other = drive("a", bias_K=3.0), Reference(drive("b"))
+    report = build_report("real", CAR, test, reference=other, offset_s=0.0)
     (table, figures) = report.tables
     (winding,) = [line for line in table.lines if line.name == "winding"]
     assert "combined uncertainty" in winding.note

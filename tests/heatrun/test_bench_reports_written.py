@@ -26,6 +26,7 @@ from heatrun_reports.document import number, printed
 from heatrun_reports.report_name import set_name
 
 CAR = Motor("car", gear_ratio=9.1, wheel_radius_m=0.3)
+TEST = "Test_2022_12_07_001.csv"
 HOSTILE = '=HYPERLINK("x") #panic() $a_1$ *b* <script> \x1b[31m'
 
 
@@ -50,9 +51,7 @@ def text_of(pdf: Path) -> str:
 @pytest.fixture
 def unset(monkeypatch):
     """Write an empty page in place of the PDF, where only its name is of interest."""
-    monkeypatch.setattr(
-        job, "write_pdf", lambda report, content, path, _: path.write_bytes(b"%PDF")
-    )
+    monkeypatch.setattr(job, "write_pdf", lambda *words: words[2].write_bytes(b"%PDF"))
 
 
 def test_the_cards_are_those_of_the_command_and_of_the_thesis():
@@ -66,7 +65,7 @@ def test_the_cards_are_those_of_the_command_and_of_the_thesis():
 
 
 def test_a_report_is_named_after_its_test_and_holds_the_same_in_pdf_csv_and_json(tmp_path):
-    test = write_drive(tmp_path / "Test_2022_12_07_001.csv")
+    test = write_drive(tmp_path / TEST)
     (outcome,) = make_report("general", CAR, [test], tmp_path / "Reports")
     assert [path.name for path in outcome.written] == [
         f"GeneralInformationTest_2022_12_07_001.{ending}" for ending in ("pdf", "csv", "json")
@@ -140,15 +139,13 @@ def test_the_time_of_a_file_is_no_date_of_a_test(tmp_path):
 @pytest.mark.usefixtures("unset")
 def test_another_test_of_the_same_name_is_a_second_one_and_the_same_keeps_its_own(tmp_path):
     (tmp_path / "other").mkdir()
-    one = write_drive(tmp_path / "Test_2022_12_07_001.csv")
+    one = write_drive(tmp_path / TEST)
     two = write_drive(tmp_path / "other" / "Test_2022_12_07_001.csv", current_A=5.0)
     first, second, again = make_report("general", CAR, [one, two, one], tmp_path / "out")
     assert second.pdf.name == "GeneralInformationTest_2022_12_07_001-2.pdf"
     assert again.pdf == first.pdf
-    (third,) = make_report(
-        "general", CAR, [write_drive(tmp_path / "Test_2022_12_07_001.csv", current_A=7.0)],
-        tmp_path / "out",
-    )  # fmt: skip
+    other = write_drive(tmp_path / TEST, current_A=7.0)
+    (third,) = make_report("general", CAR, [other], tmp_path / "out")
     assert third.pdf.name == "GeneralInformationTest_2022_12_07_001-3.pdf"
     assert json.loads(first.json.read_text())["table"][0]["value"] == pytest.approx(30 / 3600)
     assert json.loads(second.json.read_text())["table"][0]["value"] == pytest.approx(15 / 3600)
@@ -158,9 +155,7 @@ def test_another_test_of_the_same_name_is_a_second_one_and_the_same_keeps_its_ow
 def test_a_report_of_unknown_origin_is_not_overwritten(tmp_path):
     kept = tmp_path / "GeneralInformationTest_2022_12_07_001.pdf"
     kept.write_bytes(b"by hand")
-    (outcome,) = make_report(
-        "general", CAR, [write_drive(tmp_path / "Test_2022_12_07_001.csv")], tmp_path
-    )
+    (outcome,) = make_report("general", CAR, [write_drive(tmp_path / TEST)], tmp_path)
     assert kept.read_bytes() == b"by hand"
     assert outcome.pdf.name == "GeneralInformationTest_2022_12_07_001-2.pdf"
 
@@ -190,7 +185,7 @@ def test_a_folder_is_done_as_far_as_it_can_be_and_the_rest_is_named(tmp_path, ca
 
 @pytest.mark.usefixtures("unset")
 def test_a_second_pass_over_the_folder_does_not_report_on_its_own_reports(tmp_path):
-    write_drive(tmp_path / "Test_2022_12_07_001.csv")
+    write_drive(tmp_path / TEST)
     for _ in range(2):
         outcomes = make_report("general", CAR, [tmp_path], tmp_path)
         assert [outcome.error for outcome in outcomes] == [None]
@@ -215,12 +210,12 @@ def test_a_folder_without_bench_files_is_an_error_with_exit_code_1(tmp_path, cap
     ],
 )
 def test_wrong_use_ends_with_exit_code_2(tmp_path, words):
-    test = write_drive(tmp_path / "Test_2022_12_07_001.csv")
+    test = write_drive(tmp_path / TEST)
     assert main(["report", *words, str(write_motor(tmp_path)), str(test)]) == 2
 
 
 def test_a_missing_speed_of_a_vehicle_says_what_to_map(tmp_path, capsys):
-    test, motor = tmp_path / "Test_2022_12_07_001.csv", write_motor(tmp_path)
+    test, motor = tmp_path / TEST, write_motor(tmp_path)
     test.write_text("time_s,dc_power_W\n0,1\n1,1\n2,1\n")
     words = ["report", "--type", "energy", "--out", str(tmp_path), str(motor), str(test)]
     assert main(words) == 0
@@ -235,7 +230,7 @@ def test_a_missing_speed_of_a_vehicle_says_what_to_map(tmp_path, capsys):
 
 
 def test_a_file_that_is_replaced_while_it_is_read_gets_no_report(tmp_path, monkeypatch):
-    test = write_drive(tmp_path / "Test_2022_12_07_001.csv")
+    test = write_drive(tmp_path / TEST)
 
     def read_and_replace(path, motor, **options):
         records = read_tests(path, motor, **options)
@@ -339,11 +334,7 @@ ENDS = (".csv", ".json", ".pdf")
 
 @pytest.fixture
 def test_file(tmp_path):
-    path = tmp_path / "Test_2022_12_07_001.csv"
-    rows = [f"{t},100,10,36,{20 + t}" for t in (0, 10, 20, 30)]
-    head = "time_s,dc_voltage_V,dc_current_A,vehicle_speed_km_per_h,winding_degC"
-    path.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
-    return path
+    return write_drive(tmp_path / TEST)
 
 
 def report(path: Path, out: Path):

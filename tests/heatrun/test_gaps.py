@@ -329,34 +329,28 @@ def test_a_mask_over_the_start_is_refused(lab):
         read_test(lab / "drive.csv", machine("[tests.drive]\nmask = [[5000, 6000]]\n"))
 
 
-def test_what_the_finding_about_a_gap_advises_can_be_done(lab):
-    table = pd.read_csv(lab / "drive.csv")
-    table[(table.time_s < 1500) | (table.time_s > 2200)].to_csv(lab / "drive.csv", index=False)
-    record = read_whole_test(str(lab / "drive.csv"), machine())
-    (gap,) = findings(record, machine(), "time_gap")
-    assert gap.severity == "error"
-    advice = gap.remedy.split(": ", 1)[1].removesuffix(" in the motor file.")
-    section, _, use = advice.partition(" use")
-    motor = machine(f"{section}\nuse{use}\n")
-    parts = read_tests(lab / "drive.csv", motor)
-    assert [part.time_s.size for part in parts] == [1500, 1400]
+@pytest.mark.parametrize(
+    ("id", "key", "change", "sizes"),
+    [
+        ("time_gap", "use", lambda t: t[(t.time_s < 1500) | (t.time_s > 2200)], [1500, 1400]),
+        ("time_backwards", "use_rows",
+         lambda t: t.assign(time_s=t.time_s.where(t.time_s < 2000, t.time_s - 2000)),
+         [2000, 1601]),
+    ],
+    ids=["a gap", "a clock that was set back"],
+)  # fmt: skip
+def test_what_a_finding_advises_can_be_done(lab, id, key, change, sizes):
+    path = lab / "my drive.csv"
+    change(pd.read_csv(lab / "drive.csv")).to_csv(path, index=False)
+    (found,) = findings(read_whole_test(path, machine()), machine(), id)
+    assert found.severity == "error"
+    advice = found.remedy[found.remedy.index("[tests") :].removesuffix(" in the motor file.")
+    section, _, lines = advice.partition(f" {key} ")
+    motor = machine(f"{section}\n{key} {lines}\n")
+    parts = read_tests(path, motor)
+    assert [part.time_s.size for part in parts] == sizes
     for part in parts:
-        assert not findings(part, motor, "time_gap")
-
-
-def test_what_the_finding_about_a_clock_that_was_set_back_advises_can_be_done(lab):
-    table = pd.read_csv(lab / "drive.csv")
-    table["time_s"] = np.where(table.time_s < 2000, table.time_s, table.time_s - 2000)
-    table.to_csv(lab / "my drive.csv", index=False)
-    record = read_test(lab / "my drive.csv", machine())
-    (back,) = findings(record, machine(), "time_backwards")
-    found = back.remedy[back.remedy.index("[tests") :].removesuffix(" in the motor file.")
-    section, _, rows = found.partition(" use_rows")
-    motor = machine(f"{section}\nuse_rows{rows}\n")
-    parts = read_tests(lab / "my drive.csv", motor)
-    assert [part.time_s.size for part in parts] == [2000, 1601]
-    for part in parts:
-        assert not findings(part, motor, "time_backwards")
+        assert not findings(part, motor, id)
 
 
 def test_from_and_until_on_the_command_line(lab, capsys):

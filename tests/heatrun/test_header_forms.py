@@ -154,77 +154,60 @@ def test_names_without_a_unit_stay_whole(quantity):
         assert (found, known_from) == (QUANTITIES[quantity][0], "assumed"), name
 
 
-@pytest.mark.parametrize(
-    ("name", "quantity"),
-    [
-        ("T_C", "temperature"),  # coolant or degC
-        ("Housing C", "temperature"),
-        ("I_A", "phase current"),  # the first phase or amperes
-        ("V_dc", "voltage"),
-        ("U_V", "voltage"),
-        ("P_W", "power"),
-        ("t_s", "time"),
-    ],
-)
+def each(table):
+    """Return (quantity, name) of a table by quantity."""
+    return [(quantity, name) for quantity, names in table.items() for name in names]
+
+
+HARMLESS = {
+    "temperature": ("T_C", "Housing C"),  # coolant or degC
+    "phase current": ("I_A",),  # the first phase or amperes
+    "voltage": ("V_dc", "U_V"),
+    "power": ("P_W",),
+    "time": ("t_s",),
+}
+
+
+@pytest.mark.parametrize(("quantity", "name"), each(HARMLESS))
 def test_a_letter_that_changes_nothing_is_taken(name, quantity):
     found, known_from = read(name, quantity)
     assert found == QUANTITIES[quantity][0]
     assert known_from in ("name", "assumed")
 
 
-@pytest.mark.parametrize(
-    ("name", "quantity"),
-    [
-        ("T_f", "temperature"),
-        ("Temp K", "temperature"),
-        ("Winding F", "temperature"),
-        ("P_MW", "power"),
-        ("P_mw", "power"),
-        ("losses at 10 kW", "power"),
-        ("t h", "time"),
-        ("I_MA", "phase current"),
-        ("P_hp", "power"),
-        ("P_GW", "power"),
-        ("n_Hz", "speed"),
-        ("T_kW", "temperature"),
-        ("kW", "temperature"),
-        ("P [kW] (W)", "power"),
-        ("P_kW [W]", "power"),
-        ("speed_rpm [rad/s]", "speed"),
-    ],
-)
+OF_TWO_READINGS = {
+    "temperature": ("T_f", "Temp K", "Winding F", "T_kW", "kW"),
+    "power": ("P_MW", "P_mw", "losses at 10 kW", "P_hp", "P_GW", "P [kW] (W)", "P_kW [W]"),
+    "time": ("t h",),
+    "phase current": ("I_MA",),
+    "speed": ("n_Hz", "speed_rpm [rad/s]"),
+}
+
+
+@pytest.mark.parametrize(("quantity", "name"), each(OF_TWO_READINGS))
 def test_what_may_be_read_in_two_ways_is_a_question(name, quantity):
     with pytest.raises(InputError) as caught:
         read(name, quantity)
     assert f'"{name} [' in caught.value.remedy
 
 
-@pytest.mark.parametrize(
-    ("name", "quantity", "symbol"),
-    [
-        ("PlosskW", "power", "kW"),
-        ("speedRpm", "speed", "rpm"),
-        ("timeMs", "time", "ms"),
-        ("T_K_mean", "temperature", "K"),
-        ("P_kW_1", "power", "kW"),
-        ("kW", "power", "kW"),
-        ("n in U/min", "speed", "rpm"),
-        ("speed_1/min", "speed", "rpm"),
-        ("n_mot 1000 1/min", "speed", "krpm"),
-        ("I [A, peak]", "phase current", "A_peak"),
-        ("I_kA_peak", "phase current", "kA_peak"),
-        ("Temp°F", "temperature", "degF"),
-        ("Leistung in Kilowatt", "power", "kW"),
-        ("Drehmoment Newtonmeter", "torque", "Nm"),
-        ("velocità (giri al minuto)", "speed", "rpm"),
-        ("température en degrés Celsius", "temperature", "degC"),
-        ("P [kW, mean]", "power", "kW"),
-    ],
-)
-def test_other_ways_to_write_a_unit(name, quantity, symbol):
+OTHER_WAYS = {
+    "power": {"PlosskW": "kW", "P_kW_1": "kW", "kW": "kW", "Leistung in Kilowatt": "kW",
+              "P [kW, mean]": "kW"},
+    "speed": {"speedRpm": "rpm", "n in U/min": "rpm", "speed_1/min": "rpm",
+              "n_mot 1000 1/min": "krpm", "velocità (giri al minuto)": "rpm"},
+    "time": {"timeMs": "ms"},
+    "temperature": {"T_K_mean": "K", "Temp°F": "degF", "température en degrés Celsius": "degC"},
+    "phase current": {"I [A, peak]": "A_peak", "I_kA_peak": "kA_peak"},
+    "torque": {"Drehmoment Newtonmeter": "Nm"},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("quantity", "name"), each(OTHER_WAYS))
+def test_other_ways_to_write_a_unit(name, quantity):
     found, _ = read(name, quantity)
     assert found is not None
-    assert found.symbol == symbol
+    assert found.symbol == OTHER_WAYS[quantity][name]
 
 
 @pytest.mark.parametrize("text", ["hh:mm", "mm:ss", "d:hh:mm", "hh:mm:ss.fff", "HH:MM:SS", "min:s"])
@@ -261,52 +244,32 @@ def test_work_grows_with_the_length_of_the_cell_alone(monkeypatch):
             assert sum(lengths) <= 2 * LONGEST_UNIT**2 + 3 * size
 
 
-def converted(value: float, spelling: str, quantity: str) -> float:
+CONVERTED = {
+    "temperature": {"°C": (20.0, 20.0), "ºC": (20.0, 20.0), "℃": (20.0, 20.0), "C": (20.0, 20.0),
+                    "Â°C": (20.0, 20.0), "K": (300.0, 300.0 - 273.15), "°F": (212.0, 100.0),
+                    "F": (32.0, 0.0)},
+    "speed": {"1/min": (100.0, 100.0), "min⁻¹": (100.0, 100.0), "U/min": (100.0, 100.0),
+              "RPM": (100.0, 100.0), "rad/s": (np.pi, 30.0)},
+    "torque": {"N·m": (2.0, 2.0), "N m": (2.0, 2.0), "kNm": (2.0, 2000.0)},
+    "power": {"mW": (2.0, 0.002), "MW": (2.0, 2e6), "kW": (2.0, 2000.0), "KW": (2.0, 2000.0)},
+    "phase current": {"A": (2.0, 2.0), "A_rms": (2.0, 2.0), "A_peak": (np.sqrt(2.0), 1.0),
+                      "A amplitude": (np.sqrt(2.0), 1.0)},
+    "dq current": {"A_rms": (1.0, np.sqrt(2.0))},
+    "time": {"ms": (250.0, 0.25), "µs": (250.0, 250e-6), "min": (1.5, 90.0), "h": (1.5, 5400.0)},
+    "velocity": {"m/s": (10.0, 36.0)},
+    "flow": {"m³/h": (1.2, 20.0), "l/min": (6.0, 6.0)},
+    "fraction": {"%": (50.0, 0.5)},
+}  # fmt: skip
+"""By quantity and spelling: a value in that unit, and in the channel's."""
+
+
+@pytest.mark.parametrize(("quantity", "spelling"), each(CONVERTED))
+def test_conversion(quantity, spelling):
+    value, expected = CONVERTED[quantity][spelling]
     unit = require_unit(spelling, quantity, where="test")
-    return float(to_canonical(np.array([value]), unit)[0])
-
-
-@pytest.mark.parametrize(
-    ("value", "spelling", "quantity", "expected"),
-    [
-        (20.0, "°C", "temperature", 20.0),
-        (20.0, "ºC", "temperature", 20.0),
-        (20.0, "℃", "temperature", 20.0),
-        (20.0, "C", "temperature", 20.0),
-        (20.0, "Â°C", "temperature", 20.0),
-        (300.0, "K", "temperature", 300.0 - 273.15),
-        (212.0, "°F", "temperature", 100.0),
-        (32.0, "F", "temperature", 0.0),
-        (100.0, "1/min", "speed", 100.0),
-        (100.0, "min⁻¹", "speed", 100.0),
-        (100.0, "U/min", "speed", 100.0),
-        (100.0, "RPM", "speed", 100.0),
-        (np.pi, "rad/s", "speed", 30.0),
-        (2.0, "N·m", "torque", 2.0),
-        (2.0, "N m", "torque", 2.0),
-        (2.0, "kNm", "torque", 2000.0),
-        (2.0, "mW", "power", 0.002),
-        (2.0, "MW", "power", 2e6),
-        (2.0, "kW", "power", 2000.0),
-        (2.0, "KW", "power", 2000.0),
-        (2.0, "A", "phase current", 2.0),
-        (2.0, "A_rms", "phase current", 2.0),
-        (np.sqrt(2.0), "A_peak", "phase current", 1.0),
-        (np.sqrt(2.0), "A amplitude", "phase current", 1.0),
-        (1.0, "A_rms", "dq current", np.sqrt(2.0)),
-        (250.0, "ms", "time", 0.25),
-        (250.0, "µs", "time", 250e-6),
-        (1.5, "min", "time", 90.0),
-        (1.5, "h", "time", 5400.0),
-        (10.0, "m/s", "velocity", 36.0),
-        (1.2, "m³/h", "flow", 20.0),
-        (6.0, "l/min", "flow", 6.0),
-        (50.0, "%", "fraction", 0.5),
-    ],
-)
-def test_conversion(value, spelling, quantity, expected):
     # The factors are doubles: two roundings.
-    assert converted(value, spelling, quantity) == pytest.approx(expected, rel=4e-16, abs=1e-13)
+    found = float(to_canonical(np.array([value]), unit)[0])
+    assert found == pytest.approx(expected, rel=4e-16, abs=1e-13)
 
 
 def test_the_first_unit_of_each_quantity_changes_nothing():
@@ -351,31 +314,21 @@ def test_a_unit_of_another_quantity_is_named():
         require_unit("kW", "temperature", where="column 'T'")
 
 
-@pytest.mark.parametrize(
-    ("name", "label", "unit"),
-    [
-        ("T_winding [degC]", "T_winding", "degC"),
-        ("Winding Temp (°C)", "Winding Temp", "°C"),
-        ("Temperature (stator)", "Temperature (stator)", None),
-        ("Temperature (stator) [K]", "Temperature (stator)", "K"),
-        ("T (Celcius)", "T", "Celcius"),
-        ("T [furlong]", "T", "furlong"),
-        ("P / W", "P", "W"),
-        ("n/min-1", "n", "min-1"),
-        ("Speed in rpm", "Speed", "rpm"),
-        ("Speed in rad/s", "Speed", "rad/s"),
-        ("speed rad/s", "speed", "rad/s"),
-        ("n / 1/min", "n", "1/min"),
-        ("Torque, Nm", "Torque", "Nm"),
-        ("torque_Nm", "torque_Nm", None),
-        ("I (A rms)", "I", "A rms"),
-        ("km/h", "km/h", None),
-        ("", "", None),
-        ("[s]", "[s]", None),
-    ],
-)
-def test_names_with_units(name, label, unit):
-    assert split_name(name) == (label, unit)
+SPLIT = {
+    "T_winding [degC]": ("T_winding", "degC"), "Winding Temp (°C)": ("Winding Temp", "°C"),
+    "Temperature (stator)": ("Temperature (stator)", None),
+    "Temperature (stator) [K]": ("Temperature (stator)", "K"),
+    "T (Celcius)": ("T", "Celcius"), "T [furlong]": ("T", "furlong"), "P / W": ("P", "W"),
+    "n/min-1": ("n", "min-1"), "Speed in rpm": ("Speed", "rpm"),
+    "Speed in rad/s": ("Speed", "rad/s"), "speed rad/s": ("speed", "rad/s"),
+    "n / 1/min": ("n", "1/min"), "Torque, Nm": ("Torque", "Nm"), "torque_Nm": ("torque_Nm", None),
+    "I (A rms)": ("I", "A rms"), "km/h": ("km/h", None), "": ("", None), "[s]": ("[s]", None),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SPLIT)
+def test_names_with_units(name):
+    assert split_name(name) == SPLIT[name]
 
 
 @pytest.mark.parametrize(

@@ -42,65 +42,59 @@ CHANNELS = {
 }
 
 
-def test_the_temperature_that_moves_the_most_is_first_for_the_winding(tmp_path):
-    text = text_of(named(tmp_path, BASE | CHANNELS))
-    assert offered(text, "winding_degC") == [
-        *("CH5 [degC]", "CH4 [degC]", "CH2 [degC]", "CH3 [degC]", "CH1 [degC]")
-    ]
-    assert "moves by 66 K, the most" in note_on(text, 'winding_degC = "CH5')
-    assert "stays" in note_on(text, 'winding_degC = "CH3')
+COLD = ZERO + 22.0 + (np.arange(ZERO.size) == 5)
+BROKEN = np.concatenate([[20.0, 800.0, 1300.0], ZERO[3:] + 1372.0])
+HOT = 22.0 + 2.0 * (WINDING - 22.0)
+SIGNED = np.where(CURRENT > 50.0, -20.0, 3.0)
+ORDERS = {
+    "the temperature that moves the most is first for the winding": (
+        CHANNELS, "winding_degC", [f"CH{n} [degC]" for n in (5, 4, 2, 3, 1)],
+        {'winding_degC = "CH5': "moves by 66 K, the most", 'winding_degC = "CH3': "stays"}),
+    "a machine that cools moves as well": (
+        {"CH1 [degC]": ROOM, "CH2 [degC]": HOUSING[::-1], "CH3 [degC]": WINDING[::-1]},
+        "winding_degC", ["CH3 [degC]"], {}),
+    "the coldest that stays is first for the ambient, and a channel of zeros is no room": (
+        CHANNELS, "ambient_degC", [f"CH{n} [degC]" for n in (3, 2, 1, 4, 5)],
+        {'ambient_degC = "CH3': "the coldest"}),
+    "a phase current is never negative and varies": (
+        {"CH1 [A]": ZERO + 2.5, "CH2 [A]": SIGNED, "CH3 [A]": CURRENT, "CH4 [A]": CURRENT / 9},
+        "phase_current_A", ["CH3 [A]", "CH4 [A]", "CH2 [A]", "CH1 [A]"],
+        {"CH2 [A]": "negative", "CH1 [A]": "throughout"}),
+    "a name goes before values": (
+        {"Brake [degC]": HOT, "T_Wckl [degC]": WINDING, "T_Raum [degC]": ROOM},
+        "winding_degC", ["T_Wckl [degC]"], {}),
+    "unless they contradict it": (
+        {"Brake [degC]": HOT, "T_Wckl [degC]": ZERO + 21.0, "T_Raum [degC]": ROOM},
+        "winding_degC", ["Brake [degC]", "T_Wckl [degC]"], {}),
+    "an open thermocouple is no winding": (
+        {"CH1 [degC]": BROKEN, "CH2 [degC]": WINDING},
+        "winding_degC", ["CH2 [degC]", "CH1 [degC]"], {'winding_degC = "CH1': "outside"}),
+    "units do not change the order": (
+        {"CH1 [degF]": HOUSING * 1.8 + 32.0, "CH2 [K]": WINDING + 273.15, "CH3 [degC]": ROOM},
+        "winding_degC", ["CH2 [K]", "CH1 [degF]", "CH3 [degC]"], {}),
+    "nor that for the ambient": (
+        {"CH1 [degF]": HOUSING * 1.8 + 32.0, "CH2 [K]": WINDING + 273.15, "CH3 [degC]": ROOM},
+        "ambient_degC", ["CH3 [degC]"], {}),
+    "a short cold record says nothing of the order": (
+        {"CH1 [degC]": ROOM, "T_Wckl [degC]": COLD}, "winding_degC", ["T_Wckl [degC]"], {}),
+}  # fmt: skip
 
 
-def test_a_machine_that_cools_moves_as_well(tmp_path):
-    columns = {"CH1 [degC]": ROOM, "CH2 [degC]": HOUSING[::-1], "CH3 [degC]": WINDING[::-1]}
+@pytest.mark.parametrize("case", ORDERS)
+def test_what_is_offered_stands_in_the_order_of_what_it_may_be(tmp_path, case):
+    columns, channel, order, notes = ORDERS[case]
     text = text_of(named(tmp_path, BASE | columns))
-    assert offered(text, "winding_degC")[0] == "CH3 [degC]"
+    found = offered(text, channel)
+    assert found[: len(order)] == order
+    assert len(order) == 1 or len(found) == len(order)
+    for name, said in notes.items():
+        assert said in note_on(text, name)
 
 
-def test_the_coldest_that_stays_is_first_for_the_ambient(tmp_path):
+def test_a_channel_that_stays_gives_the_number_of_the_room(tmp_path):
     text = text_of(named(tmp_path, BASE | CHANNELS))
-    sides = offered(text, "ambient_degC")
-    assert sides == [f"CH{n} [degC]" for n in (3, 2, 1, 4, 5)]
-    assert "the coldest" in note_on(text, 'ambient_degC = "CH3')
-    # a channel of zeros is no room
     assert "ambient_degC = 0.0" not in text
     assert "ambient_degC = 21.0" in text
-
-
-def test_a_phase_current_is_never_negative_and_varies(tmp_path):
-    signed = np.where(CURRENT > 50.0, -20.0, 3.0)
-    columns = {"CH1 [A]": ZERO + 2.5, "CH2 [A]": signed, "CH3 [A]": CURRENT, "CH4 [A]": CURRENT / 9}
-    text = text_of(named(tmp_path, BASE | columns))
-    sides = offered(text, "phase_current_A")
-    assert sides == ["CH3 [A]", "CH4 [A]", "CH2 [A]", "CH1 [A]"]
-    assert "negative" in note_on(text, "CH2 [A]")
-    assert "throughout" in note_on(text, "CH1 [A]")
-
-
-def test_a_name_goes_before_values_unless_they_contradict_it(tmp_path):
-    hot = 22.0 + 2.0 * (WINDING - 22.0)
-    columns = {"Brake [degC]": hot, "T_Wckl [degC]": WINDING, "T_Raum [degC]": ROOM}
-    text = text_of(named(tmp_path, BASE | columns))
-    assert offered(text, "winding_degC")[0] == "T_Wckl [degC]"
-    columns["T_Wckl [degC]"] = ZERO + 21.0
-    text = text_of(named(tmp_path, BASE | columns))
-    assert offered(text, "winding_degC") == ["Brake [degC]", "T_Wckl [degC]"]
-
-
-def test_an_open_thermocouple_is_no_winding(tmp_path):
-    broken = ZERO + 1372.0
-    broken[:3] = 20.0, 800.0, 1300.0
-    columns = {"CH1 [degC]": broken, "CH2 [degC]": WINDING}
-    text = text_of(named(tmp_path, BASE | columns))
-    assert offered(text, "winding_degC") == ["CH2 [degC]", "CH1 [degC]"]
-    assert "outside" in note_on(text, 'winding_degC = "CH1')
-
-
-def test_units_do_not_change_the_order(tmp_path):
-    columns = {"CH1 [degF]": HOUSING * 1.8 + 32.0, "CH2 [K]": WINDING + 273.15, "CH3 [degC]": ROOM}
-    text = text_of(named(tmp_path, BASE | columns))
-    assert offered(text, "winding_degC") == ["CH2 [K]", "CH1 [degF]", "CH3 [degC]"]
-    assert offered(text, "ambient_degC")[0] == "CH3 [degC]"
 
 
 def test_what_does_not_grow_is_no_time(tmp_path):
@@ -110,19 +104,7 @@ def test_what_does_not_grow_is_no_time(tmp_path):
     assert offered(text, "time_s")[-1] == "Laufzeit [s]"
 
 
-def test_a_short_cold_record_says_nothing_of_the_order(tmp_path):
-    columns = {"CH1 [degC]": ROOM, "T_Wckl [degC]": ZERO + 22.0}
-    columns["T_Wckl [degC]"][5] = 23.0
-    text = text_of(named(tmp_path, BASE | columns))
-    assert offered(text, "winding_degC")[0] == "T_Wckl [degC]"
-
-
-WITH_CURRENT = {
-    "time_s": TIME_S,
-    "losses_W": LOSSES,
-    "phase_current_A": CURRENT,
-    "ambient_degC": ROOM,
-}
+WITH_CURRENT = BASE | {"phase_current_A": CURRENT, "ambient_degC": ROOM}
 UVW = (WINDING + 1.5, WINDING, WINDING - 1.0)
 
 
@@ -209,7 +191,7 @@ def test_channels_of_a_measurement_file_are_averaged_too(tmp_path):
     assert "winding_degC" in read_test(path, motor)
 
 
-WITH_WINDING = {"time_s": TIME_S, "losses_W": LOSSES, "ambient_degC": ROOM, "winding_degC": WINDING}
+WITH_WINDING = BASE | {"ambient_degC": ROOM, "winding_degC": WINDING}
 CONTROLLER = {
     "Time (s)": TIME_S,
     "Voltage (V)": ZERO + 60.0,
@@ -315,13 +297,7 @@ def test_a_shaft_that_stands_is_offered_where_none_was_recorded(tmp_path, column
     assert ("0 where the rotor stands" in text) == is_offered
 
 
-COMPLETE = {
-    "time_s": TIME_S,
-    "losses_W": LOSSES,
-    "ambient_degC": ROOM,
-    "winding_degC": WINDING,
-    "phase_current_A": CURRENT,
-}
+COMPLETE = WITH_CURRENT | {"winding_degC": WINDING}
 
 
 def winding(text: str) -> dict[str, float]:

@@ -153,19 +153,18 @@ def test_a_factor_in_a_name_is_asked_about_until_the_unit_is_decided(tmp_path):
     assert read_record(path, motor)["losses_W"].tolist() == [10.0, 20.0, 30.0]
 
 
-def test_labview_states_its_units_above_the_names(tmp_path):
-    path = tmp_path / "test.lvm"
-    path.write_text(
-        "Y_Unit_Label\tkW\tDeg C\ntime_s\tlosses\twinding\n0\t1\t20\n1\t2\t21\n2\t2\t22\n"
-    )
-    record = read_record(path)
-    assert record["losses_W"].tolist() == [1000.0, 2000.0, 2000.0]
+STATED_ABOVE = {
+    "LabVIEW": "Y_Unit_Label\tkW\tK\ntime_s\tlosses\twinding\n0\t1\t300\n1\t2\t301\n2\t2\t302\n",
+    "a list of channels": "Channel;Unit;Device\nlosses;kW;WT1806\nwinding;K;GL840\n\n"
+    "time_s;losses;winding\n0;1;300\n1;2;301\n2;2;302\n",
+    "one row": ";kW;K\ntime_s;losses;winding\n0;1;300\n1;2;301\n2;2;302\n",
+}
 
 
-def test_a_list_of_channels_above_the_names_states_their_units(tmp_path):
+@pytest.mark.parametrize("case", STATED_ABOVE)
+def test_units_that_are_stated_above_the_names(tmp_path, case):
     path = tmp_path / "test.csv"
-    path.write_text("Channel;Unit;Device\nlosses;kW;WT1806\nwinding;K;GL840\n\n"
-                    "time_s;losses;winding\n0;1;300\n1;2;301\n2;2;302\n")  # fmt: skip
+    path.write_text(STATED_ABOVE[case])
     record = read_record(path)
     assert record["losses_W"].tolist() == [1000.0, 2000.0, 2000.0]
     assert record["winding_degC"][0] == pytest.approx(26.85)
@@ -196,13 +195,32 @@ def test_whole_numbers_with_groups_of_three_are_a_question(tmp_path, sign):
         assert record["winding_degC"].tolist() == [20.0, 20.0, 21.0, 21.0]
 
 
-def test_both_signs_in_groups_of_three_are_a_question(tmp_path):
-    path = saved(tmp_path, ["0;4.500;20,125", "1;5.500;21,125", "2;6.500;22,125"])
-    with pytest.raises(InputError, match=r"may be"):
+ANSWERED = {
+    "both signs in groups of three": (
+        ["0;4.500;20,125", "1;5.500;21,125", "2;6.500;22,125"], r"may be",
+        {"losses_W": [4500.0, 5500.0, 6500.0], "winding_degC": [20.125, 21.125, 22.125]}),
+    "groups beside a settled sign": (
+        ["0,5;1.234;20", "1,5;999,5;20", "2,5;1.240;21"],
+        r"'1\.234' is a number only if.*decimal = ','", {"losses_W": [1234.0, 999.5, 1240.0]}),
+    "a comma in quotes between commas": (
+        ['"0","4,500",20', '"1","5,500",20'], r"'4,500' may be 4\.5 or 4500",
+        {"losses_W": [4.5, 5.5]}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", ANSWERED)
+def test_what_the_decimal_sign_of_the_motor_file_answers(tmp_path, case):
+    rows, question, values = ANSWERED[case]
+    header = "time_s,losses_W,winding_degC" if '"' in rows[0] else "time_s;losses_W;winding_degC"
+    path = saved(tmp_path, rows, header)
+    with pytest.raises(InputError, match=question):
         read_record(path)
     record = read_record(path, Motor("M", decimal=","))
-    assert record["losses_W"].tolist() == [4500.0, 5500.0, 6500.0]
-    assert record["winding_degC"].tolist() == [20.125, 21.125, 22.125]
+    for channel, expected in values.items():
+        assert record[channel].tolist() == expected
+    if '"' in rows[0]:
+        points = read_record(path, Motor("M", decimal="."))
+        assert points["losses_W"].tolist() == [4500.0, 5500.0]
 
 
 @pytest.mark.parametrize(
@@ -227,11 +245,6 @@ def test_a_column_that_is_not_used_is_not_asked_about(tmp_path):
     assert read_record(path)["winding_degC"].tolist() == [20.0, 20.0, 21.0, 21.0]
 
 
-def test_whole_numbers_alone_are_no_question(tmp_path):
-    path = saved(tmp_path, ["0;4500;20", "1;12750;20", "2;999;21"])
-    assert read_record(path)["losses_W"].tolist() == [4500.0, 12750.0, 999.0]
-
-
 def test_between_commas_a_point_is_decimal_with_a_doubt():
     table = read_text(b"time_s,P\n0,4.500\n1,4.750\n", "test.csv")
     assert table.columns[1].values.tolist() == [4.5, 4.75]
@@ -240,19 +253,24 @@ def test_between_commas_a_point_is_decimal_with_a_doubt():
     assert finding.severity == "warning"
 
 
-def test_a_comma_in_quotes_between_commas_is_a_question(tmp_path):
-    path = tmp_path / "test.csv"
-    path.write_text('time_s,losses_W\n"0","4,500"\n"1","5,500"\n')
-    with pytest.raises(InputError, match=r"'4,500' may be 4\.5 or 4500"):
-        read_record(path)
-    assert read_record(path, Motor("M", decimal=","))["losses_W"].tolist() == [4.5, 5.5]
-    assert read_record(path, Motor("M", decimal="."))["losses_W"].tolist() == [4500.0, 5500.0]
+UNASKED = {
+    "whole numbers alone": (
+        ["0;4500;20", "1;12750;20", "2;999;21"], None, [4500.0, 12750.0, 999.0]),
+    "groups beside decimals by the stated sign": (
+        ["0;1.234,5;20,25", "1;1.234.567;20,5", "2;12;21,75"], ",", [1234.5, 1234567.0, 12.0]),
+    "the minus of typesetters": (
+        ["0;\u22125.5;20", "1;\u22126;20", "2;7;20.25"], None, [-5.5, -6.0, 7.0]),
+    **{f"thousands that {sign!r} alone can separate": (
+        [f"0,5;-1{sign}234,5;20", f"1,5;1{sign}234{sign}567;20", "2,5;12;21"], None,
+        [-1234.5, 1234567.0, 12.0]) for sign in " \u00a0\u202f'’_"},
+}  # fmt: skip
 
 
-def test_a_stated_sign_reads_groups_beside_decimals(tmp_path):
-    path = saved(tmp_path, ["0;1.234,5;20,25", "1;1.234.567;20,5", "2;12;21,75"])
-    record = read_record(path, Motor("M", decimal=","))
-    assert record["losses_W"].tolist() == [1234.5, 1234567.0, 12.0]
+@pytest.mark.parametrize("case", UNASKED)
+def test_numbers_that_leave_nothing_open_are_read(tmp_path, case):
+    rows, decimal, losses = UNASKED[case]
+    record = read_record(saved(tmp_path, rows), Motor("M", decimal=decimal))
+    assert record["losses_W"].tolist() == losses
     assert record.findings == ()
 
 
@@ -269,25 +287,6 @@ def test_other_decimal_signs_are_refused(tmp_path, value):
     path.write_text(f"[motor]\nname = 'M'\ndecimal = {value}\n")
     with pytest.raises(InputError, match=r"Expected one of \., , for decimal"):
         load_motor(path)
-
-
-@pytest.mark.parametrize("sign", [" ", "\u00a0", "\u202f", "'", "’", "_"])
-def test_signs_that_can_only_separate_thousands_are_read(tmp_path, sign):
-    path = saved(tmp_path, [f"0,5;-1{sign}234,5;20", f"1,5;1{sign}234{sign}567;20", "2,5;12;21"])
-    assert read_record(path)["losses_W"].tolist() == [-1234.5, 1234567.0, 12.0]
-
-
-def test_groups_beside_a_settled_sign_are_a_question_with_a_remedy(tmp_path):
-    path = saved(tmp_path, ["0,5;1.234;20", "1,5;999,5;20", "2,5;1.240;21"])
-    with pytest.raises(InputError, match=r"'1\.234' is a number only if.*decimal = ','"):
-        read_record(path)
-    record = read_record(path, Motor("M", decimal=","))
-    assert record["losses_W"].tolist() == [1234.0, 999.5, 1240.0]
-
-
-def test_the_minus_of_typesetters(tmp_path):
-    path = saved(tmp_path, ["0;1.25;\u22125.5", "1;1.5;\u22126", "2;1.75;7"])
-    assert read_record(path)["winding_degC"].tolist() == [-5.5, -6.0, 7.0]
 
 
 @pytest.mark.parametrize("line", ["time_s;losses_kW;winding_degC", "s;kW;°C"])
@@ -434,9 +433,3 @@ def test_a_line_among_the_data_that_speaks_of_units_is_refused(line):
     text = f"{NAMES}\n{DATA}{line}\n" + DATA.replace("\n", " \n") * 10
     with pytest.raises(InputError, match="Line 5 among the data mentions units"):
         read_text(text.encode(), "test.csv")
-
-
-def test_one_unit_alone_in_a_row_above_the_names():
-    table = read_text(f";;kW;\n{NAMES}\n{DATA}".encode(), "test.csv")
-    losses = map_columns(table, {}, where="test.csv").channels["losses_W"]
-    np.testing.assert_allclose(losses, 500.0)

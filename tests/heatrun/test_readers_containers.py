@@ -1,6 +1,8 @@
-"""Files whose signals lie in structs, groups, cells and matrices, and files of raw bus frames."""
+"""MATLAB files, signals in structs, groups and matrices, and raw bus frames."""
 
 from __future__ import annotations
+
+import struct
 
 import h5py
 import numpy as np
@@ -33,60 +35,16 @@ def signal(values, label):
     return {"values": values, "label": label, "dimensions": 1.0}
 
 
-def axis(data, name, unit):
-    return {"Name": name, "Type": 8.0, "Data": data, "Unit": unit, "XIndex": 1.0}
-
-
 def column(values):
     return values[:, None]
 
 
-MAT = {
-    "fields of a struct": (
-        {"run": {"t": column(T), "coil": column(COIL), "phase": column(PHASE), "who": "R. Bosch"}},
-        {"time_s": "run.t [s]", "winding_degC": "run.coil [degC]",
-         "phase_current_A": "run.phase [A]"},
-    ),
-    "a struct within a struct": (
-        {"m": {"meta": {"T_room": 21.0}, "daq": {"t": T, "T1": COIL, "I1": PHASE}}},
-        {"time_s": "m.daq.t [s]", "winding_degC": "m.daq.T1 [degC]",
-         "phase_current_A": "m.daq.I1 [A]"},
-    ),
-    "Simulink structure with time": (
-        {"simout": {"time": column(T), "blockName": "bench/Scope", "signals": structs(
-            signal(column(COIL), "T_w"), signal(column(PHASE), "I_ph"))}},
-        {"time_s": "simout.time [s]", "winding_degC": "T_w [degC]",
-         "phase_current_A": "simout.signals(2).values [A]"},
-    ),
-    "one Simulink signal of two columns": (
-        {"scope": {"time": column(T), "signals": signal(np.column_stack([COIL, PHASE]), "")}},
-        {"time_s": "scope.time [s]", "winding_degC": "scope.signals.values(:,1) [degC]",
-         "phase_current_A": "scope.signals.values(:,2) [A]"},
-    ),
-    "dSPACE": (
-        {"trial7": {"X": axis(T, "", "s"), "Y": structs(
-            axis(COIL, "Model Root/T_coil", "degC"), axis(PHASE, "Model Root/I_u", "A"))}},
-        {"winding_degC": "Model Root/T_coil", "phase_current_A": "Model Root/I_u"},
-    ),
-    "times and data of a timeseries": (
-        {"coil": {"Time": T, "Data": COIL, "Units": "degC"}, "phase": {"Time": T, "Data": PHASE}},
-        {"time_s": "coil.Time [s]", "winding_degC": "coil.Data",
-         "phase_current_A": "phase.Data [A]"},
-    ),
-    "columns of a matrix": (
-        {"t": T, "gains": np.ones(3), "temps": np.column_stack([ROOM, COIL]), "cur": PHASE},
-        {"time_s": "t", "winding_degC": "temps(:,2) [degC]", "phase_current_A": "cur [A]"},
-    ),
-    "rows of a matrix alone": (
-        {"data": np.vstack([T, COIL, PHASE])},
-        {"time_s": "data(1,:) [s]", "winding_degC": "data(2,:) [degC]",
-         "phase_current_A": "data(3,:) [A]"},
-    ),
-    "elements of a cell": (
-        {"c": np.array([T, COIL, PHASE, "bench"], dtype=object)},
-        {"time_s": "c(1) [s]", "winding_degC": "c(2) [degC]", "phase_current_A": "c(3) [A]"},
-    ),
-}  # fmt: skip
+SCOPE = {"simout": {"time": column(T), "blockName": "bench/Scope", "signals": structs(
+    signal(column(COIL), "T_w"), signal(column(PHASE), "I_ph"))}}  # fmt: skip
+SERIES = {
+    "coil": {"Time": T, "Data": COIL, "Units": "degC"},
+    "phase": {"Time": T, "Data": PHASE},
+}
 
 
 def holds_the_run(path, columns):
@@ -97,11 +55,11 @@ def holds_the_run(path, columns):
 
 
 @pytest.mark.parametrize("compressed", [False, True])
-@pytest.mark.parametrize("member", MAT)
-def test_what_matlab_nests(tmp_path, member, compressed):
-    variables, columns = MAT[member]
+def test_times_and_data_of_a_timeseries(tmp_path, compressed):
     path = tmp_path / "run.mat"
-    scipy.io.savemat(path, variables, do_compression=compressed, oned_as="column")
+    scipy.io.savemat(path, SERIES, do_compression=compressed, oned_as="column")
+    columns = {"time_s": "coil.Time [s]", "winding_degC": "coil.Data",
+               "phase_current_A": "phase.Data [A]"}  # fmt: skip
     holds_the_run(path, columns)
 
 
@@ -136,7 +94,7 @@ def test_what_is_left_out_is_said_before_there_is_a_motor_file(tmp_path):
 
 def test_a_damaged_struct_is_an_error_and_no_other_number(tmp_path):
     path = tmp_path / "run.mat"
-    scipy.io.savemat(path, MAT["Simulink structure with time"][0])
+    scipy.io.savemat(path, SCOPE)
     whole = path.read_bytes()
     rng = np.random.default_rng(11)
     refused = 0
@@ -160,13 +118,6 @@ def matlab(group, name, value):
     return item
 
 
-def nested(file):
-    group = file.create_group("log")
-    group.attrs["MATLAB_class"] = np.bytes_("struct")
-    for name, value in {"t": T, "coil": COIL, "phase": PHASE, "who": "R. Bosch"}.items():
-        matlab(group, name, value)
-
-
 def array_of_structs(file):
     """Write Y(k) as references into a group of MATLAB's own."""
     refs, trial = file.create_group("#refs#"), file.create_group("trial")
@@ -176,12 +127,8 @@ def array_of_structs(file):
         group = trial.create_group(part)
         group.attrs["MATLAB_class"] = np.bytes_("struct")
         for k, key in enumerate(("Data", "Name", "Unit")):
-            items = [
-                matlab(refs, f"{part}{key}{i}", one[k] or "-")
-                if k
-                else matlab(refs, f"{part}{key}{i}", one[k])
-                for i, one in enumerate(signals)
-            ]
+            items = [matlab(refs, f"{part}{key}{i}", (one[k] or "-") if k else one[k])
+                     for i, one in enumerate(signals)]  # fmt: skip
             group.create_dataset(key, data=np.array([[i.ref for i in items]], dtype=h5py.ref_dtype))
 
 
@@ -191,23 +138,9 @@ def matrix(file):
     matlab(file, "phase", PHASE)
 
 
-def groups(file):
-    file["run1/daq/t"], file["run1/daq/T_coil"], file["run1/I"] = T, COIL, PHASE
-    file["run1/daq/T_coil"].attrs["units"] = "degC"
-
-
-def compound(file):
-    rows = np.zeros(N, dtype=[("t", "f8"), ("coil", "f8"), ("phase", "f8"), ("mark", "S4")])
-    rows["t"], rows["coil"], rows["phase"] = T, COIL, PHASE
-    file["table"] = rows
-
-
 HDF5 = {
-    nested: ("log.t [s]", "log.coil [degC]", "log.phase [A]"),
     array_of_structs: ("trial.X(1).Data [s]", "T_coil", "I_u"),
     matrix: ("t", "temps(:,1) [degC]", "phase [A]"),
-    groups: ("run1/daq/t [s]", "run1/daq/T_coil", "run1/I [A]"),
-    compound: ("table/t [s]", "table/coil [degC]", "table/phase [A]"),
 }
 
 
@@ -221,25 +154,18 @@ def test_what_hdf5_nests(tmp_path, write):
 
 
 FRAMES = {
-    "candump": "({t:.6f}) vcan0 {id:03X}#{data}\n",
     "candump, CAN FD": "({t:.6f}) can1 {id:08X}##1{data}\n",
     "candump on the screen": "  can0  {id:03X}   [8]  {bytes}\n",
-    "ASC": "   {t:.6f} 1  {id:X}             Rx   d 8 {bytes}  Length = 245000 BitCount = 126\n",
     "ASC, CAN FD": "   {t:.6f} CANFD   1 Rx  {id:X}  Msg  0 0 8  8 {bytes}  130000  130   303000\n",
     "TRC 1.1": "{i:6d})  {t:10.1f}  Rx     {id:04X}  8  {bytes}\n",
     "TRC 2.1": "{i:7d} {t:13.3f} DT 1     {id:04X} Rx -  8    {bytes}\n",
     "BUSMASTER": "16:58:41:{i:04d} Rx 1 0x{id:X} s 8 {bytes}\n",
     "Kvaser": "0    {id:08X}       8  {bytes}    {t:12.6f} R\n",
-    "bytes as cells": "{t:.6f},{id:08X},false,Rx,0,8,{cells},\n",
-    "a cell of bytes": "{t:.4f};1;{id:X};0;8;8;0;0;0;{data}\n",
 }
 HEADS = {
-    "ASC": "date Mon Mar 17 09:00:00.000 am 2025\nbase hex  timestamps absolute\n",
     "TRC 1.1": ";$FILEVERSION=1.1\n;$STARTTIME=45733.3751\n;\n",
     "TRC 2.1": ";$FILEVERSION=2.1\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n",
     "BUSMASTER": "***BUSMASTER Ver 3.2.2***\n***PROTOCOL CAN***\n",
-    "bytes as cells": "Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8\n",
-    "a cell of bytes": "TimestampEpoch;BusChannel;ID;IDE;DLC;DataLength;Dir;EDL;BRS;DataBytes\n",
 }
 
 
@@ -249,7 +175,7 @@ def test_a_log_of_bus_frames_must_be_decoded_first(tmp_path, member):
     text = HEADS.get(member, "")
     for i in range(40):
         data = rng.integers(0, 256, 8).astype("u1").tobytes().hex(" ").upper()
-        forms = {"data": data.replace(" ", ""), "cells": data.replace(" ", ","), "bytes": data}
+        forms = {"data": data.replace(" ", ""), "bytes": data}
         text += FRAMES[member].format(i=i, t=1742201.5 + 0.01 * i, id=0x120 + i % 5, **forms)
     path = tmp_path / "log.txt"
     path.write_text(text)
@@ -297,3 +223,175 @@ def test_frames_beside_signals_are_offered_for_no_channel(tmp_path):
     found = survey(frames_and_signals(tmp_path / "both.mf4", with_signals=True))
     assert [one.channel for one in found.recognised if one.channel != "time_s"] == ["winding_degC"]
     assert not any(one.proposals for one in found.free)
+
+
+NUM = 40
+SIGNALS = {
+    "t": np.arange(NUM) * 0.1,
+    "Is": np.full(NUM, 100.0),
+    "Pd": np.linspace(0.0, 900.0, NUM),
+    "Te": np.full(NUM, 22.0),
+    "Tw_m": np.linspace(22.0, 40.0, NUM),
+}
+CONSTANTS = {"B": 234.5, "Rrif": 0.0186, "Trif": 25.0, "Ceqw": 666.75, "Two": 22.0}
+
+
+def prova(path, **more):
+    columns = {name: value[:, None] for name, value in SIGNALS.items()}
+    scipy.io.savemat(path, columns | CONSTANTS | more)
+    return path
+
+
+def test_signals_and_constants_of_the_thesis_file(tmp_path):
+    record = read_record(prova(tmp_path / "prova.mat"))
+    assert record.name == "prova"
+    assert np.array_equal(record["winding_degC"], SIGNALS["Tw_m"])
+    assert np.array_equal(record["losses_W"], SIGNALS["Pd"])
+    assert record.unused == ()
+    assert any("Rrif = 0.0186, 3 times the phase resistance" in note for note in record.notes)
+    assert read_raw(tmp_path / "prova.mat").constants == CONSTANTS
+
+
+def test_a_scalar_ambient_is_a_channel(tmp_path):
+    path = prova(tmp_path / "prova.mat", Te=21.5)
+    record = read_record(path)
+    assert np.array_equal(record["ambient_degC"], np.full(NUM, 21.5))
+    assert any("ambient_degC" in note and "constant" in note for note in record.notes)
+
+
+def test_what_is_no_vector_is_left_out_with_a_finding(tmp_path):
+    path = prova(
+        tmp_path / "prova.mat",
+        run=np.arange(7.0),
+        matrix=np.ones((4, 4)),
+        info={"bench": "A"},
+        text="hello",
+        wave=np.ones(NUM) * 1j,
+    )
+    table = read_raw(path)
+    assert {column.name for column in table.columns} == set(SIGNALS)
+    (finding,) = table.findings
+    assert finding.values == {"count": 5, "length": NUM}
+    for name in (
+        "run (1x7 numbers)",
+        "matrix (4x4",
+        "info (struct with the fields bench)",
+        "text (text)",
+        "wave (complex)",
+    ):
+        assert name in finding.message
+
+
+def test_version_73(tmp_path):
+    path = tmp_path / "prova.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, value in SIGNALS.items():
+            file.create_dataset(name, data=value[None, :]).attrs["MATLAB_class"] = np.bytes_(
+                "double"
+            )
+        file.create_dataset("B", data=[[234.5]]).attrs["MATLAB_class"] = np.bytes_("double")
+        file.create_dataset("note", data=[[104, 105]]).attrs["MATLAB_class"] = np.bytes_("char")
+        file.create_group("timeseries").attrs["MATLAB_class"] = np.bytes_("struct")
+        file.create_group("#refs#")
+    content = bytearray(path.read_bytes())
+    content[:19] = b"MATLAB 7.3 MAT-file"
+    path.write_bytes(content)
+    table = read_raw(path)
+    assert table.constants == {"B": 234.5}
+    assert {column.name for column in table.columns} == set(SIGNALS)
+    assert table.findings[0].values["count"] == 2
+    assert np.array_equal(read_record(path)["winding_degC"], SIGNALS["Tw_m"])
+
+
+def test_times_in_single_precision_are_put_on_their_grid(tmp_path):
+    path = prova(tmp_path / "prova.mat", t=SIGNALS["t"].astype(np.float32))
+    assert np.array_equal(read_record(path).time_s, np.round(SIGNALS["t"], 1))
+
+
+def test_resistance_of_file_and_motor(tmp_path):
+    path = prova(tmp_path / "prova.mat")
+    agreeing = read_record(path, Motor("M", phase_resistance_ohm=0.0062))
+    assert agreeing.findings == ()
+    # The same winding stated at 70 degC
+    hot = 0.0062 * (234.5 + 70.0) / (234.5 + 25.0)
+    motor = Motor("M", phase_resistance_ohm=hot, reference_temperature_degC=70.0)
+    assert read_record(path, motor).findings == ()
+    (finding,) = read_record(path, Motor("M", phase_resistance_ohm=0.0186)).findings
+    assert finding.id == "resistance_conflict"
+    assert finding.test == "prova"
+
+
+def test_damaged_or_empty_files(tmp_path):
+    path = prova(tmp_path / "prova.mat")
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match="could not be read"):
+        read_raw(path)
+    scipy.io.savemat(path, {"B": 1.0, "text": "hello"})
+    with pytest.raises(InputError, match=r"numeric vectors.*holds B, text"):
+        read_raw(path)
+    path.write_text("no mat file at all")
+    with pytest.raises(InputError, match="version 5, 7 or"):
+        read_raw(path)
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+@pytest.mark.parametrize(
+    "dtype", ["f8", "f4", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "bool", ">f8"]
+)
+def test_every_number_type_reads_as_another_library_wrote_it(tmp_path, dtype, compressed):
+    path = tmp_path / "types.mat"
+    values = (np.arange(25) % 7).astype(dtype)
+    scipy.io.savemat(path, {"a_long_name": values, "b": values[:, None]}, do_compression=compressed)
+    for column in read_raw(path).columns:
+        assert column.values.dtype == np.float64
+        assert np.array_equal(column.values, values.astype(float))
+
+
+def test_a_timeseries_is_left_out_by_name(tmp_path):
+    path = prova(tmp_path / "prova.mat")
+    # MATLAB keeps a timeseries as an opaque object: flags, then its name, its type, its class.
+    parts = [struct.pack("<IIII", 6, 8, 17, 0)]
+    parts += [struct.pack("<HH4s", 1, len(text), text) for text in (b"run", b"MCOS", b"ts")]
+    content = b"".join(parts)
+    path.write_bytes(path.read_bytes() + struct.pack("<II", 14, len(content)) + content)
+    table = read_raw(path)
+    assert {column.name for column in table.columns} == set(SIGNALS)
+    assert "run (object such as a timeseries)" in table.findings[0].message
+
+
+def big_endian(name: str, values: list[float]) -> bytes:
+    """Return a MAT file as a big-endian workstation wrote it."""
+    flags = struct.pack(">IIII", 6, 8, 6, 0)
+    shape = struct.pack(">IIii", 5, 8, len(values), 1)
+    label = struct.pack(">HH4s", len(name), 1, name.encode())
+    numbers = struct.pack(f">II{len(values)}d", 9, 8 * len(values), *values)
+    matrix = flags + shape + label + numbers
+    head = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x01\x00MI"
+    return head + struct.pack(">II", 14, len(matrix)) + matrix
+
+
+def test_big_endian_files(tmp_path):
+    path = tmp_path / "old.mat"
+    path.write_bytes(big_endian("Tw", [20.0, 21.5, -3.25]))
+    (column,) = read_raw(path).columns
+    assert column.name == "Tw"
+    assert column.values.tolist() == [20.0, 21.5, -3.25]
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_a_damaged_file_never_gives_other_numbers_of_samples(tmp_path, compressed):
+    path = tmp_path / "prova.mat"
+    scipy.io.savemat(path, SIGNALS | CONSTANTS, do_compression=compressed)
+    whole = path.read_bytes()
+    rng = np.random.default_rng(7)
+    refused = 0
+    for _ in range(300):
+        broken = bytearray(whole)
+        broken[rng.integers(len(whole))] = rng.integers(256)
+        path.write_bytes(broken[: rng.integers(1, len(whole))] if rng.random() < 0.5 else broken)
+        try:
+            assert read_raw(path).num_rows == NUM
+        except InputError:
+            refused += 1
+    assert refused > 150  # every cut one at the least, but for those that end between variables

@@ -1,4 +1,4 @@
-"""Excel workbooks: the same record as from CSV, titles, units, merged cells, dates, sheets."""
+"""Excel workbooks: titles, units, merged cells, dates, sheets."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import contextlib
 import gzip
 import io
 import json
-import sys
 import zipfile
 from datetime import datetime, time, timedelta
 from pathlib import Path
@@ -50,17 +49,6 @@ HEAD = ("time_s", "winding_degC", "phase_current_A")
 ROWS = ((0, 20.5, 10.25), (1, 21.125, 10.5), (2, 22, 0.1 + 0.2))
 
 
-def test_the_bundled_record_is_the_same_as_from_csv(path):
-    from_csv = read_record(DATA / "step_30min.csv.gz")
-    with gzip.open(DATA / "step_30min.csv.gz", "rt") as file:
-        pd.read_csv(file).to_excel(path, index=False, engine="xlsxwriter")
-    record = read_record(path)
-    assert record.channels.keys() == from_csv.channels.keys()
-    for channel in from_csv.channels:
-        np.testing.assert_array_equal(record[channel], from_csv[channel])
-    assert record.sources[0].reader == "Excel, sheet 'Sheet1'"
-
-
 def test_titles_units_and_an_empty_first_column(path):
     saved(
         path,
@@ -80,21 +68,25 @@ def test_titles_units_and_an_empty_first_column(path):
     assert "Preamble: Ambient mean 19.36" in record.notes
 
 
-def test_names_merged_over_two_rows_keep_their_column(path):
-    book = saved(path, ("time [s]", "Temperatures", None), (None, "winding", "housing"),
-                 *((i, 20.0 + i, 19.0) for i in range(5)))  # fmt: skip
-    book.worksheets[0].merge_cells("A1:A2")
-    book.worksheets[0].merge_cells("B1:C1")
-    book.save(path)
-    assert [column.name for column in read_raw(path).columns] == ["time [s]", "winding", "housing"]
+SAMPLES = [(i, 20.5 + i, 1) for i in range(5)]
 
 
-def test_a_name_merged_over_the_row_of_units_stays_a_name(path):
-    book = saved(path, ("time", "winding", "state"), ("s", "°C", None), (0, 20.5, 1), (1, 21.5, 1))
-    book.worksheets[0].merge_cells("C1:C2")
+@pytest.mark.parametrize(
+    ("head", "merged", "columns"),
+    [
+        ([("time [s]", "Temperatures", None), (None, "winding", "housing")], ["A1:A2", "B1:C1"],
+         {"time [s]": "s", "winding": None, "housing": None}),
+        ([("time", "winding", "state"), ("s", "°C", None)], ["C1:C2"],
+         {"time": "s", "winding": "°C", "state": None}),
+    ],
+    ids=["over two rows of names", "over the row of units"],
+)  # fmt: skip
+def test_merged_names_keep_their_column(path, head, merged, columns):
+    book = saved(path, *head, *SAMPLES)
+    for cells in merged:
+        book.worksheets[0].merge_cells(cells)
     book.save(path)
-    columns = {column.name: column.unit for column in read_raw(path).columns}
-    assert columns == {"time": "s", "winding": "°C", "state": None}
+    assert {column.name: column.unit for column in read_raw(path).columns} == columns
 
 
 @pytest.mark.parametrize(
@@ -128,17 +120,14 @@ def test_numbers_as_text_have_their_decimal_comma(path):
     assert record["phase_current_A"].tolist() == [10.25, 10.5, 0.125]
 
 
-def test_a_number_cell_settles_no_comma_of_a_text_cell(path):
+def test_three_decimals_are_a_question_in_a_text_cell_and_none_in_a_number(path):
+    saved(path, ("time_s", "losses_W"), (0, 4.125), (1, 4.625))
+    assert read_record(path)["losses_W"].tolist() == [4.125, 4.625]
     saved(path, ("time_s", "losses_W"), (0.5, "4,500"), (1.5, "4,625"))
     with pytest.raises(InputError, match=r"'4,500' may be 4\.5 or 4500"):
         read_record(path)
     assert read_record(path, Motor("M", decimal="."))["losses_W"].tolist() == [4500.0, 4625.0]
     assert read_record(path, Motor("M", decimal=","))["losses_W"].tolist() == [4.5, 4.625]
-
-
-def test_a_number_of_three_decimals_is_no_question(path):
-    saved(path, ("time_s", "losses_W"), (0, 4.125), (1, 4.625))
-    assert read_record(path)["losses_W"].tolist() == [4.125, 4.625]
 
 
 @given(value=st.floats(allow_nan=False, allow_infinity=False))
@@ -237,13 +226,6 @@ def test_a_sheet_of_what_is_no_workbook_is_refused(path):
     path.write_text("time_s,winding_degC\n0,20\n1,21\n")
     with pytest.raises(InputError, match="the file is no Excel workbook"):
         read_test(f"{path}#Test", Motor("M"))
-
-
-def test_without_the_library_the_message_says_how_to_install_it(path, monkeypatch):
-    saved(path, HEAD, *ROWS)
-    monkeypatch.setitem(sys.modules, "openpyxl", None)
-    with pytest.raises(InputError, match=r"needs openpyxl.*heatrun\[excel\]"):
-        read_record(path)
 
 
 def test_other_archives_are_refused(path):

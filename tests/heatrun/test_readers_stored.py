@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 import h5py
 import numpy as np
 import pandas as pd
@@ -134,17 +132,27 @@ def test_marks_of_missing_values(write):
     assert any("3 values that the file marks as missing" in note for note in record.notes)
 
 
-def test_a_mark_that_a_short_float_cannot_hold(tmp_path):
-    stored = np.arange(N, dtype="f4")
-    stored[7] = -9999.9
-    path = hdf5(tmp_path / "test.nc", VARIABLES | {"losses_W": (stored, {"_FillValue": -9999.9})})
-    assert np.flatnonzero(np.isnan(read_record(path, MOTOR)["losses_W"])).tolist() == [7]
+INTEGERS = np.arange(N, dtype="i1")
+INTEGERS[1], INTEGERS[2] = -56, -1
+UNSIGNED = {"_Unsigned": "true", "_FillValue": np.int8(-1), "units": "W"}
+MISSING = {
+    "a mark that a short float cannot hold": (
+        hdf5, np.where(MINUTES == 7.0, -9999.9, 1.0).astype("f4"), {"_FillValue": -9999.9}, 7),
+    "what netCDF stores where nothing was written": (
+        netcdf3, np.where(MINUTES == 9.0, 9.969209968386869e36, 1.0).astype("f4"), {"units": "W"},
+        9),
+    "unsigned numbers of netCDF": (netcdf3, INTEGERS, UNSIGNED, 2),
+}  # fmt: skip
 
 
-def test_what_netcdf_stores_where_nothing_was_written(tmp_path):
-    stored = np.where(MINUTES == 9.0, 9.969209968386869e36, 1.0).astype("f4")
-    path = netcdf3(tmp_path / "test.nc", VARIABLES | {"losses_W": (stored, {"units": "W"})})
-    assert np.flatnonzero(np.isnan(read_record(path, MOTOR)["losses_W"])).tolist() == [9]
+@pytest.mark.parametrize("case", MISSING)
+def test_what_is_stored_for_no_value(tmp_path, case):
+    write, stored, marks, row = MISSING[case]
+    path = write(tmp_path / "test.nc", VARIABLES | {"losses_W": (stored, marks)})
+    losses = read_record(path, MOTOR)["losses_W"]
+    assert np.flatnonzero(np.isnan(losses)).tolist() == [row]
+    if marks is UNSIGNED:
+        assert losses[:2].tolist() == [0.0, 200.0]
 
 
 @pytest.mark.parametrize("name", ["torque_mNm", "torque [mNm]", "torque (mNm)"])
@@ -195,15 +203,6 @@ def test_a_dimension_of_netcdf_4_without_values_is_no_column_of_zeros(tmp_path):
         item.attrs["CLASS"] = np.bytes_("DIMENSION_SCALE")
     with pytest.raises(InputError, match="no time column"):
         read_record(path, MOTOR)
-
-
-def test_unsigned_numbers_of_netcdf(tmp_path):
-    stored = np.arange(N, dtype="i1")
-    stored[1], stored[2] = -56, -1
-    marks = {"_Unsigned": "true", "_FillValue": np.int8(-1), "units": "W"}
-    path = netcdf3(tmp_path / "test.nc", VARIABLES | {"losses_W": (stored, marks)})
-    assert read_record(path, MOTOR)["losses_W"][:2].tolist() == [0.0, 200.0]
-    assert np.isnan(read_record(path, MOTOR)["losses_W"][2])
 
 
 def test_units_that_pandas_keeps_for_a_frame(tmp_path):
@@ -365,11 +364,4 @@ def test_damaged_and_empty_files(path):
         read_raw(path)
     pd.DataFrame({"a": np.empty(0)}).to_parquet(path)
     with pytest.raises(InputError, match="at least one row"):
-        read_raw(path)
-
-
-def test_without_pyarrow_the_remedy_is_named(path, monkeypatch):
-    pd.DataFrame({"a": [1.0]}).to_parquet(path)
-    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
-    with pytest.raises(InputError, match=r"heatrun\[parquet\]"):
         read_raw(path)

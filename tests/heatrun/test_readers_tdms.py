@@ -1,26 +1,19 @@
-"""TDMS files: the same record as from CSV, times, scalings, few channels of many, damaged files."""
+"""TDMS files: times, scalings, damaged files."""
 
 from __future__ import annotations
 
 import struct
-import sys
 import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
-from heatrun import cli
-from heatrun.calibration import load_tests
 from heatrun.errors import InputError
-from heatrun.motor.file import load_motor
-from heatrun.readers.read import read_raw, read_record
+from heatrun.readers.read import read_record
 from heatrun.record.motor import Motor
 
 nptdms = pytest.importorskip("nptdms")
-DATA = Path(__file__).parents[2] / "data" / "synthetic"
 FAST = np.arange(200) * 0.1
 SLOW = np.arange(20) * 1.0
 START = np.datetime64("2025-11-20T18:02:33.000000")
@@ -70,26 +63,6 @@ def whole(tmp_path_factory):
     """The bytes of a file of two segments."""
     path = tmp_path_factory.mktemp("tdms") / "whole.tdms"
     return written(path, two_rates(), two_rates(20.0)).read_bytes()
-
-
-def bundled(name):
-    columns = read_raw(DATA / f"{name}.csv.gz").columns
-    return [channel("Bench", column.label, column.values) for column in columns]
-
-
-def test_the_bundled_record_is_the_same_as_from_csv(path, capsys):
-    from_csv = read_record(DATA / "step_30min.csv.gz")
-    record = read_record(written(path, bundled("step_30min")))
-    assert record.channels.keys() == from_csv.channels.keys()
-    for name in from_csv.channels:
-        assert np.array_equal(record[name], from_csv[name], equal_nan=True)
-    assert record.sources[0].reader == "TDMS"
-    assert cli.main(["check", str(DATA / "motor.toml"), str(path)]) == 0
-    capsys.readouterr()
-    motor = load_motor(DATA / "motor.toml")
-    (by_tdms,) = load_tests(motor, [path])  # what calibrate fits
-    (by_csv,) = load_tests(motor, [DATA / "step_30min.csv.gz"])
-    assert np.array_equal(by_tdms.blocks.measured, by_csv.blocks.measured)
 
 
 def test_rates_and_scalings(path):
@@ -194,20 +167,6 @@ def test_a_scaling_that_is_not_known_is_refused(path, changed, problem):
         read_record(path)
 
 
-def test_few_channels_of_many_need_a_fraction_of_the_file(path):
-    rng = np.random.default_rng(7)
-    names = [f"c{number}" for number in range(197)] + ["winding_degC", "ambient_degC", "losses_W"]
-    written(path, *[[wave("A", name, rng.normal(size=5_000)) for name in names]] * 2)
-    size = path.stat().st_size
-    tracemalloc.start()
-    record = read_record(path)
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert record.time_s.size == 10_000
-    assert len(record.unused) == 197
-    assert peak < 0.2 * size  # 4 arrays of 200 are 2 %, names and segments the rest
-
-
 def test_an_index_beside_the_file_is_not_opened(path, whole):
     path.write_bytes(whole)
     before = read_record(path)
@@ -228,13 +187,6 @@ def test_an_unclosed_recording_is_read_with_a_warning(path, whole):
     assert record["winding_degC"].size == 2 * SLOW.size
 
 
-def test_without_nptdms_the_remedy_is_named(path, whole, monkeypatch):
-    path.write_bytes(whole)
-    monkeypatch.setitem(sys.modules, "nptdms", None)
-    with pytest.raises(InputError, match=r"heatrun\[tdms\]"):
-        read_record(path)
-
-
 def test_a_cut_file_is_refused(path, whole, capfd):
     (length,) = struct.unpack_from("<Q", whole, 12)
     for cut in range(4, len(whole), 41):
@@ -244,26 +196,6 @@ def test_a_cut_file_is_refused(path, whole, capfd):
         with pytest.raises(InputError):
             read_record(path)
     assert capfd.readouterr() == ("", "")
-
-
-@settings(
-    deadline=20_000,  # a file of 8 kB that takes seconds is followed in circles
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
-@given(
-    st.lists(st.tuples(st.floats(0.0, 1.0, exclude_max=True), st.integers(0, 255)), min_size=1),
-    st.booleans(),
-)
-def test_flipped_bytes_give_a_record_or_our_error(path, whole, places, is_early):
-    data = bytearray(whole)
-    for share, value in places:  # names and properties lie in front
-        data[int(share * (900 if is_early else len(data)))] = value
-    path.write_bytes(bytes(data))
-    try:
-        record = read_record(path)
-    except InputError:  # any other exception is a fault
-        return
-    assert {values.shape for values in record.channels.values()} == {record.time_s.shape}
 
 
 def test_absurd_sizes_are_refused(path, whole):

@@ -8,6 +8,7 @@ from datetime import datetime
 import numpy as np
 import pandas as pd
 import pytest
+from openpyxl import Workbook
 
 from heatrun.checks import check_record
 from heatrun.errors import InputError
@@ -389,22 +390,40 @@ def test_a_name_with_a_date_and_the_time_of_the_file_are_no_clock(tmp_path):
     assert record_of(tmp_path, [f"{i}" for i in range(5)], "duty_2026_03_04.csv").start == ""
 
 
-def test_parquet_and_excel_say_it_too(tmp_path):
-    pandas = pytest.importorskip("pandas")
-    times = pandas.date_range("2026-03-04 10:00", periods=5, freq="s")
-    table = pandas.DataFrame(
-        {"time": times, "winding_degC": np.arange(5.0), "losses_W": np.full(5, 100.0)}
-    )
-    table.to_parquet(tmp_path / "t.parquet")
-    assert read_record(tmp_path / "t.parquet").start == "2026-03-04"
-    openpyxl = pytest.importorskip("openpyxl")
-    book = openpyxl.Workbook()
-    sheet = book.active
-    sheet.append(["time", "winding_degC", "losses_W"])
-    for i in range(5):
-        sheet.append([datetime(2026, 3, 4, 10, 0, i), 30.0 + i, 100.0])
-    book.save(tmp_path / "t.xlsx")
-    assert read_record(tmp_path / "t.xlsx").start == "2026-03-04"
+MOMENTS = [datetime(2026, 3, 4, 10, 0, i) for i in range(5)]
+
+
+def in_parquet(path):
+    columns = {"time": MOMENTS, "winding_degC": np.arange(5.0), "losses_W": np.full(5, 100.0)}
+    pd.DataFrame(columns).to_parquet(path)
+
+
+def in_workbook(*rows):
+    def write(path):
+        book = Workbook()
+        for row in rows:
+            book.active.append(row)
+        book.save(path)
+
+    return write
+
+
+HEADED = ["winding_degC", "losses_W"]
+
+
+@pytest.mark.parametrize(
+    ("name", "write"),
+    [
+        ("t.parquet", in_parquet),
+        ("t.xlsx", in_workbook(["time", *HEADED], *([m, 30.0, 100.0] for m in MOMENTS))),
+        ("titled.xlsx", in_workbook(["Date", datetime(2026, 3, 4)], ["time [s]", *HEADED],
+                                    *([i, 30.0 + i, 100.0] for i in range(5)))),
+    ],
+    ids=["times of Parquet", "times of a sheet", "title rows of a sheet"],
+)  # fmt: skip
+def test_other_formats_say_the_day_too(tmp_path, name, write):
+    write(tmp_path / name)
+    assert read_record(tmp_path / name).start == "2026-03-04"
 
 
 @pytest.mark.parametrize(
@@ -445,14 +464,3 @@ def test_the_header_dates_a_record_whose_clock_does_not(tmp_path):
     assert any("by the line 'Datum: 04.03.2025'" in note for note in record.notes)
     dated = record_of(tmp_path, [f"2026-03-04 10:00:0{i}" for i in range(5)])
     assert dated.start_from == "clock of the record"
-
-
-def test_title_rows_of_a_sheet_say_it_too(tmp_path):
-    openpyxl = pytest.importorskip("openpyxl")
-    book = openpyxl.Workbook()
-    book.active.append(["Date", datetime(2026, 3, 4)])
-    book.active.append(["time [s]", "winding_degC", "losses_W"])
-    for i in range(5):
-        book.active.append([i, 30.0 + i, 100.0])
-    book.save(tmp_path / "t.xlsx")
-    assert read_record(tmp_path / "t.xlsx").start == "2026-03-04"

@@ -96,37 +96,33 @@ def test_none_of_the_choices_leaves_the_channel_missing(tmp_path, capsys):
     assert "winding_degC" in capsys.readouterr().out
 
 
-def test_init_writes_one_line_for_several_loggers(tmp_path, monkeypatch):
+def test_a_draft_offers_one_line_for_several_loggers(tmp_path):
     one = named(tmp_path, BASE | {"TE_7 [degC]": WINDING, "TE_8 [degC]": BEARING}, "one.csv")
     two = named(tmp_path, BASE | {"Kanal 3 [K]": WINDING + 273.15}, "two.csv")
-    text = text_of(one, two)
-    assert '# winding_degC = ["TE_7 [degC]", "Kanal 3 [K]"]' in text
+    assert '# winding_degC = ["TE_7 [degC]", "Kanal 3 [K]"]' in text_of(one, two)
+
+
+@pytest.mark.parametrize(
+    ("one", "two", "said"),
+    [
+        ({"K1 [degC]": WINDING, "K2 [degC]": BEARING}, {"K1 [degC]": BEARING, "K2 [degC]": WINDING},
+         '[tests."two".columns]'),
+        ({"winding_degC": WINDING}, {"Kanal 3 [degC]": WINDING}, ""),
+        ({"TE_7 [degC]": WINDING, "TE_8 [degC]": BEARING}, {"Kanal 3 [K]": WINDING + 273.15},
+         '["TE_7 [degC]", "Kanal 3 [K]"]'),
+    ],
+    ids=["columns called alike", "one of them is recognised", "one line for several loggers"],
+)  # fmt: skip
+def test_init_tells_apart_files_of_several_loggers(tmp_path, monkeypatch, one, two, said):
     monkeypatch.chdir(tmp_path)
+    paths = [named(tmp_path, BASE | columns, f"{name}.csv")
+             for name, columns in (("one", one), ("two", two))]  # fmt: skip
     assert cli.main(["init", "one.csv", "two.csv", "--accept"]) == 0
     motor = load_motor("motor.toml")
-    for path in (one, two):
-        np.testing.assert_allclose(read_test(path, motor)["winding_degC"], WINDING, rtol=1e-3)
-
-
-def test_init_tells_apart_files_whose_columns_are_called_alike(tmp_path, monkeypatch):
-    one = named(tmp_path, BASE | {"K1 [degC]": WINDING, "K2 [degC]": BEARING}, "one.csv")
-    two = named(tmp_path, BASE | {"K1 [degC]": BEARING, "K2 [degC]": WINDING}, "two.csv")
-    monkeypatch.chdir(tmp_path)
-    assert cli.main(["init", "one.csv", "two.csv", "--accept"]) == 0
-    motor = load_motor("motor.toml")
-    assert '[tests."two".columns]' in (tmp_path / "motor.toml").read_text()
-    for path in (one, two):
-        np.testing.assert_allclose(read_test(path, motor)["winding_degC"], WINDING, rtol=1e-4)
-
-
-def test_a_logger_that_is_recognised_beside_one_that_is_not(tmp_path, monkeypatch):
-    one = named(tmp_path, BASE | {"winding_degC": WINDING}, "one.csv")
-    two = named(tmp_path, BASE | {"Kanal 3 [degC]": WINDING}, "two.csv")
-    monkeypatch.chdir(tmp_path)
-    assert cli.main(["init", "one.csv", "two.csv", "--accept"]) == 0
-    motor = load_motor("motor.toml")
-    for path in (one, two):
-        np.testing.assert_allclose(read_test(path, motor)["winding_degC"], WINDING, rtol=1e-4)
+    assert said in (tmp_path / "motor.toml").read_text(encoding="utf-8")
+    rtol = 1e-3 if "[K]" in said else 1e-4  # of six digits three stand behind those of a kelvin
+    for path in paths:
+        np.testing.assert_allclose(read_test(path, motor)["winding_degC"], WINDING, rtol=rtol)
 
 
 SECONDS = np.arange(0.0, 1200.0, 2.0)
@@ -160,35 +156,33 @@ def test_one_course_for_three_sensors(tmp_path, how, expected):
     assert not record.findings
 
 
-def test_each_sensor_has_its_own_unit(tmp_path):
-    columns = {"T_U [K]": U + 273.15, "T_V [degF]": 1.8 * V + 32.0, "T_W": W}
-    record = read(tmp_path, columns, 'winding_degC = "mean(T_U, T_V, T_W [degC])"')
-    np.testing.assert_allclose(record["winding_degC"], (U + V + W) / 3.0, rtol=1e-7)
+GONE = np.where((SECONDS > 500) & (SECONDS < 520), np.nan, V)
+THREE = {"I_U [A]": 0.0 * U + 30.0, "I_V [A]": 0.0 * U + 40.0, "I_W [A]": 0.0 * U + 50.0}
+COMBINED = {
+    "each sensor has its own unit": (
+        {"T_U [K]": U + 273.15, "T_V [degF]": 1.8 * V + 32.0, "T_W": W},
+        "winding_degC = 'mean(T_U, T_V, T_W [degC])'", (U + V + W) / 3.0),
+    "a unit behind the brackets is that of all": (
+        {"T_U": U + 273.15, "T_V": V + 273.15}, "winding_degC = 'mean(T_U, T_V) [K]'",
+        (U + V) / 2.0),
+    "names with brackets and commas in them": (
+        {"Temp (slot 1)": U, "Temp (slot 2, rear)": V},
+        "winding_degC = 'mean(Temp (slot 1) [degC], Temp (slot 2, rear) [degC])'", (U + V) / 2.0),
+    "the mean current is that of the heat": (
+        THREE, "phase_current_A = 'mean(I_U, I_V, I_W)'",
+        np.full(SECONDS.size, np.sqrt(5000.0 / 3.0))),
+    "a sensor without a reading leaves none of the mean": (
+        {"T_U": U, "T_V": GONE}, "winding_degC = 'mean(T_U, T_V) [degC]'", (U + GONE) / 2.0),
+    "a column of that name is the column": (
+        {"mean(T_U, T_V)": U, "T_U": V, "T_V": W}, "winding_degC = 'mean(T_U, T_V)'", U),
+}  # fmt: skip
 
 
-def test_a_unit_behind_the_brackets_is_that_of_all(tmp_path):
-    columns = {"T_U": U + 273.15, "T_V": V + 273.15}
-    record = read(tmp_path, columns, 'winding_degC = "mean(T_U, T_V) [K]"')
-    np.testing.assert_allclose(record["winding_degC"], (U + V) / 2.0, rtol=1e-7)
-
-
-def test_names_with_brackets_and_commas_in_them(tmp_path):
-    columns = {"Temp (slot 1)": U, "Temp (slot 2, rear)": V}
-    line = "winding_degC = 'mean(Temp (slot 1) [degC], Temp (slot 2, rear) [degC])'"
+@pytest.mark.parametrize("case", COMBINED)
+def test_what_a_combination_reads(tmp_path, case):
+    columns, line, expected = COMBINED[case]
     record = read(tmp_path, columns, line)
-    np.testing.assert_allclose(record["winding_degC"], (U + V) / 2.0, rtol=1e-7)
-
-
-def test_the_mean_current_is_that_of_the_heat(tmp_path):
-    columns = {"I_U [A]": 0.0 * U + 30.0, "I_V [A]": 0.0 * U + 40.0, "I_W [A]": 0.0 * U + 50.0}
-    record = read(tmp_path, columns, 'phase_current_A = "mean(I_U, I_V, I_W)"')
-    np.testing.assert_allclose(record["phase_current_A"], np.sqrt(5000.0 / 3.0))
-
-
-def test_a_sensor_without_a_reading_leaves_none_of_the_mean(tmp_path):
-    gone = np.where((SECONDS > 500) & (SECONDS < 520), np.nan, V)
-    record = read(tmp_path, {"T_U": U, "T_V": gone}, 'winding_degC = "mean(T_U, T_V) [degC]"')
-    np.testing.assert_array_equal(np.isnan(record["winding_degC"]), np.isnan(gone))
+    np.testing.assert_allclose(record[line.partition(" ")[0]], expected, rtol=1e-7)
 
 
 def test_a_sensor_that_departs_from_the_others_is_told(tmp_path):
@@ -199,12 +193,6 @@ def test_a_sensor_that_departs_from_the_others_is_told(tmp_path):
     assert "column 'T_W' is" in finding.message
     expected = np.quantile(0.5 * RISE_K, 0.95)  # U is the one in the middle
     assert finding.values["apart_K"] == pytest.approx(expected, rel=1e-3)
-
-
-def test_a_column_of_that_name_is_the_column(tmp_path):
-    columns = {"mean(T_U, T_V)": U, "T_U": V, "T_V": W}
-    record = read(tmp_path, columns, 'winding_degC = "mean(T_U, T_V)"')
-    np.testing.assert_allclose(record["winding_degC"], U, rtol=1e-7)
 
 
 @pytest.mark.parametrize(

@@ -28,75 +28,56 @@ def finding(id: str, severity: str, where: str = "t", message: str = "Too hot.")
     return Finding(id, severity, message, where)
 
 
-@pytest.mark.parametrize(
-    ("findings", "will_do", "sentence"),
-    [
-        ([], True, f"This record will do for {AIM}."),
-        ([finding("sampling", "note")], True, f"This record will do for {AIM}."),
-        (
-            [finding("too_short", "warning"), finding("single_step", "warning")],
-            True,
-            f"This record will do for {AIM}, with wide intervals: it is too short for the slow "
-            "time constant and it holds a single load step.",
-        ),
-        ([finding("too_short", "note")], True, f"This record will do for {AIM}."),
-        (
-            [finding("too_short", "warning"), finding("nan_block", "warning")],
-            True,
-            f"This record will do for {AIM}, with wide intervals: it is too short for the slow "
-            "time constant; read the warnings first (nan_block).",
-        ),
-        (
-            [
-                Finding(
-                    "no_heating",
-                    "warning",
-                    "Falls.",
-                    "t",
-                    values={"tau_fast_s": 36.79, "tau_slow_s": 1037.7},
-                )
-            ],
-            True,
-            "This record gives time constants only: 36.8 s and 1040 s. Heat capacities and "
-            "resistances need a test under load beside it.",
-        ),
-        (
-            [finding("unit_suspected", "warning"), finding("nan_block", "warning")],
-            True,
-            "To be cleared up first: a column may be in another unit (unit_suspected). Then this "
-            f"record will do for {AIM}, read the warnings first (nan_block).",
-        ),
-        (
-            [finding("simulated_by_heatrun", "warning")],
-            False,
-            f"This record will not do for {AIM}: it was simulated by heatrun, not measured "
-            "(simulated_by_heatrun).",
-        ),
-        (
-            [finding("missing_channel", "error", "t, losses_W"), finding("kelvin", "error")],
-            False,
-            f"This record will not do for {AIM}: it has no losses_W.",
-        ),
-        (
-            [finding("sensor_stuck", "error"), finding("kelvin", "error", message="Cold.")],
-            False,
-            f"This record will not do for {AIM}: Too hot. (sensor_stuck) And 1 more.",
-        ),
-    ],
-)
-def test_the_answer_follows_from_the_findings(findings, will_do, sentence):
+def warned(*ids: str) -> list[Finding]:
+    return [finding(id, "warning") for id in ids]
+
+
+DO, DO_NOT = f"This record will do for {AIM}", f"This record will not do for {AIM}: "
+SHORT = f"{DO}, with wide intervals: it is too short for the slow time constant"
+TAUS = {"tau_fast_s": 36.79, "tau_slow_s": 1037.7}
+ANSWERS = {
+    "nothing found": ([], f"{DO}."),
+    "a note": ([finding("sampling", "note")], f"{DO}."),
+    "a note on its length": ([finding("too_short", "note")], f"{DO}."),
+    "short, one step": (
+        warned("too_short", "single_step"), f"{SHORT} and it holds a single load step."),
+    "short, with a warning": (
+        warned("too_short", "nan_block"), f"{SHORT}; read the warnings first (nan_block)."),
+    "a cool-down": (
+        [Finding("no_heating", "warning", "Falls.", "t", values=TAUS)],
+        "This record gives time constants only: 36.8 s and 1040 s. Heat capacities and "
+        "resistances need a test under load beside it."),
+    "a unit in doubt": (
+        warned("unit_suspected", "nan_block"),
+        "To be cleared up first: a column may be in another unit (unit_suspected). Then this "
+        f"record will do for {AIM}, read the warnings first (nan_block)."),
+    "simulated": (
+        warned("simulated_by_heatrun"),
+        f"{DO_NOT}it was simulated by heatrun, not measured (simulated_by_heatrun)."),
+    "no losses": (
+        [finding("missing_channel", "error", "t, losses_W"), finding("kelvin", "error")],
+        f"{DO_NOT}it has no losses_W."),
+    "two errors": (
+        [finding("sensor_stuck", "error"), finding("kelvin", "error", message="Cold.")],
+        f"{DO_NOT}Too hot. (sensor_stuck) And 1 more."),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", ANSWERS)
+def test_the_answer_follows_from_the_findings(case):
+    findings, sentence = ANSWERS[case]
     answer = suitability("t", findings, AIM)
-    assert (answer.will_do, answer.sentence) == (will_do, sentence)
+    assert (answer.will_do, answer.sentence) == (not sentence.startswith(DO_NOT), sentence)
 
 
-@pytest.mark.parametrize(
-    ("id", "next_step"),
-    [
-        ("simulated_by_heatrun", "name tests that were measured, then: heatrun check "),
-        ("current_amplitude", "clear up the warnings named above, then: heatrun calibrate "),
-        ("ambient_moving", "heatrun calibrate "),
-    ],
-)
+NEXT = {
+    "simulated_by_heatrun": "name tests that were measured, then: heatrun check ",
+    "current_amplitude": "clear up the warnings named above, then: heatrun calibrate ",
+    "ambient_moving": "heatrun calibrate ",
+}
+
+
+@pytest.mark.parametrize(("id", "next_step"), NEXT.items())
 def test_what_is_in_doubt_comes_before_a_calibration(here, capsys, monkeypatch, id, next_step):
     doubt = finding(id, "warning")
     monkeypatch.setattr("heatrun.checks.check_record", lambda record, motor: (doubt,))

@@ -12,6 +12,7 @@ import lptn
 from lptn import CopperLosses, Inputs
 
 B, T_REF = lptn.COPPER_COEFFICIENT, 25.0
+REFERENCE = {"Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625}
 
 
 def matrix(Ceq_w, Ceq_sr, Req_w, Req_sr, k=0.0, kind="balance"):
@@ -31,31 +32,39 @@ def source(Ceq_w, Ceq_sr, Req_w, Req_sr, losses, ambient, k=0.0, kind="balance")
     return np.array([(other + ambient / Req_sr) / Ceq_sr, copper / Ceq_w])
 
 
-def exact(A, q, start, times):
-    steady = np.linalg.solve(A, -q)
+def exact(values, start, times, *, losses, ambient=20.0, k=0.0):
+    """Stator and winding [degC] at some times of a load that is held, from the same two."""
+    A = matrix(**values, k=k)
+    steady = np.linalg.solve(A, -source(**values, losses=losses, ambient=ambient, k=k))
     return np.stack([steady + expm(A * t) @ (start - steady) for t in times])
+
+
+def both(trace, at):
+    """The same of a simulation, at some edges."""
+    return np.stack([np.asarray(trace.temperature[n])[at] for n in ("stator", "winding")], axis=-1)
+
+
+COLD = {"winding": 20.0, "stator": 20.0}
+LOSSES = CopperLosses(Rs0=jnp.asarray(0.0062))
+
+
+def slope_at(current):
+    """Copper loss by kelvin [W/K]."""
+    return 3 * 0.0062 / (B + T_REF) * current**2
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1e-1, 1e1, 1e3])
 def test_capacitances_and_resistances_over_six_decades(scale):
     """A machine of another size: C times a scale, R over it, losses times it; the same course."""
-    values = {
-        "Ceq_w": 666.75 * scale,
-        "Ceq_sr": 15060.1 * scale,
-        "Req_w": 0.14485 / scale,
-        "Req_sr": 0.11625 / scale,
-    }
-    k_reference = 3 * 0.0062 / (B + T_REF) * 120.0**2
+    values = {name: value * (scale if name[0] == "C" else 1.0 / scale)
+              for name, value in REFERENCE.items()}  # fmt: skip
     losses = CopperLosses(Rs0=jnp.asarray(0.0062 * scale))
     inputs = constant(1.0, current=120.0, losses=400.0 * scale)
     trace = simulate(lptn.second_order(**values), losses, inputs, dict(stator=30, winding=50))
-    A = matrix(**values, k=k_reference * scale)
-    q = source(**values, losses=400.0 * scale, ambient=20.0, k=k_reference * scale)
-    expected = exact(A, q, np.array([30.0, 50.0]), [10.0, 300.0, 3000.0])
-    for node, column in (("stator", 0), ("winding", 1)):
-        got = np.asarray(trace.temperature[node])[[10, 300, 3000]]
-        # (h/tau)^3/24 of a change of 100 K with tau = 92 s: 5e-6 K
-        np.testing.assert_allclose(got, expected[:, column], atol=1e-5)
+    expected = exact(values, [30.0, 50.0], [10.0, 300.0, 3000.0], losses=400.0 * scale,
+                     k=slope_at(120.0) * scale)  # fmt: skip
+    # (h/tau)^3/24 of a change of 100 K with tau = 92 s: 5e-6 K
+    np.testing.assert_allclose(both(trace, [10, 300, 3000]), expected, atol=1e-5)
 
 
 @pytest.mark.parametrize("ratio", [2.0, 10.0, 100.0, 1000.0])
@@ -63,25 +72,14 @@ def test_time_constants_from_one_to_two_up_to_one_to_a_thousand(ratio):
     tau_w = 30.0
     values = {"Req_w": 0.15, "Req_sr": 0.12}
     values |= {"Ceq_w": tau_w / 0.15, "Ceq_sr": ratio * tau_w / 0.12}
-    step = 1.0
-    num = int(3 * ratio * tau_w / step)
-    losses = CopperLosses(Rs0=jnp.asarray(0.0062))
-    k = float(losses.slope(jnp.asarray(100.0**2)))
-    trace = simulate(
-        lptn.second_order(**values),
-        losses,
-        constant(step, current=100.0, losses=500.0, num=NUM if num <= NUM else LONG),
-        {"winding": 20.0, "stator": 20.0},
-    )
+    num = int(3 * ratio * tau_w)
+    inputs = constant(1.0, current=100.0, losses=500.0, num=NUM if num <= NUM else LONG)
+    trace = simulate(lptn.second_order(**values), LOSSES, inputs, COLD)
     at = np.array([5, 60, num // 2, num])
-    expected = exact(
-        matrix(**values, k=k), source(**values, losses=500.0, ambient=20.0, k=k),
-        np.array([20.0, 20.0]), at * step,
-    )  # fmt: skip
-    got = np.stack([np.asarray(trace.temperature[n])[at] for n in ("stator", "winding")], axis=1)
+    expected = exact(values, [20.0, 20.0], at, losses=500.0, k=slope_at(100.0))
     # (h/tau)^3/24 of a change of 60 K with the fast eigenvalue below 1/20 s: 4e-4 K at the worst,
     # and gone with the fast decay
-    np.testing.assert_allclose(got, expected, atol=5e-4)
+    np.testing.assert_allclose(both(trace, at), expected, atol=5e-4)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -110,7 +108,7 @@ def test_random_machines_against_scipy(seed):
         ambient=jnp.asarray(np.full(NUM, -40.0)),
     )
     trace = simulate(network, losses, inputs, {"winding": -40.0, "stator": -40.0})
-    got = np.stack([trace.temperature[n] for n in ("stator", "winding")], axis=1)
+    got = both(trace, slice(None))
     state, gaps, largest = np.array([-40.0, -40.0]), [], 1.0
     for index in range(num):
         k = 3.0 * Rs0 / (B + T_REF) * squared[index]
@@ -126,38 +124,29 @@ def test_random_machines_against_scipy(seed):
     assert max(gaps) < 4e-4 * largest
 
 
+STIFF = {"Ceq_w": 20.0, "Ceq_sr": 15000.0, "Req_w": 0.05, "Req_sr": 0.12}
+
+
 @pytest.mark.parametrize("factor", [1.01, 10.0, 1e3])
 def test_a_step_beyond_the_fast_time_constant_is_refused_in_words(factor):
-    network = lptn.second_order(20.0, 15000.0, 0.05, 0.12)
+    network = lptn.second_order(**STIFF)
     step = factor * float(lptn.longest_step(network))
     with pytest.raises(ValueError, match=r"longer than the fastest node allows.*finer grid"):
-        lptn.simulate(
-            network, CopperLosses(Rs0=jnp.asarray(0.0062)), constant(step),
-            {"winding": 20.0, "stator": 20.0},
-        )  # fmt: skip
+        lptn.simulate(network, LOSSES, constant(step), COLD)
 
 
 def test_the_longest_step_that_is_taken_is_still_right():
     """Stiff at the limit: what the fast node does wrong is bounded and dies away."""
-    values = {"Ceq_w": 20.0, "Ceq_sr": 15000.0, "Req_w": 0.05, "Req_sr": 0.12}
-    network = lptn.second_order(**values)
+    network = lptn.second_order(**STIFF)
     step = 0.999 * float(lptn.longest_step(network))
-    losses = CopperLosses(Rs0=jnp.asarray(0.0062))
-    k = float(losses.slope(jnp.asarray(1e4)))
-    trace = simulate(
-        network, losses, constant(step, current=100.0, losses=500.0),
-        {"winding": 20.0, "stator": 20.0},
-    )  # fmt: skip
+    trace = simulate(network, LOSSES, constant(step, current=100.0, losses=500.0), COLD)
     at = np.array([1, 10, 4000])
-    expected = exact(
-        matrix(**values, k=k), source(**values, losses=500.0, ambient=20.0, k=k),
-        np.array([20.0, 20.0]), at * step,
-    )  # fmt: skip
-    got = np.asarray(trace.temperature["winding"])[at]
+    expected = exact(STIFF, [20.0, 20.0], at * step, losses=500.0, k=slope_at(100.0))[:, 1]
+    got = both(trace, at)[:, 1]
     # h/tau = 0.5: the third-order series misses the exponential by 0.5^4/24 = 0.26 % of the
     # winding's own rise of 10 K in a step
-    np.testing.assert_allclose(got, expected[:, 1], atol=0.03)
-    np.testing.assert_allclose(got[-1], expected[-1, 1], atol=1e-4)
+    np.testing.assert_allclose(got, expected, atol=0.03)
+    np.testing.assert_allclose(got[-1], expected[-1], atol=1e-4)
 
 
 @pytest.mark.parametrize(("product", "sign"), [(0.99, -1), (1.01, 1), (3.0, 1)])
@@ -181,10 +170,9 @@ def test_thermal_runaway_begins_where_the_formula_says(product, sign):
 @pytest.mark.parametrize("kind", ["balance", "map"])
 def test_the_growth_rate_of_two_nodes_is_the_eigenvalue_by_hand(kind, network):
     losses = CopperLosses(Rs0=jnp.asarray(0.0062), kind=kind)
-    reference = {"Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625}
     for current in (0.0, 100.0, 600.0):
-        k = float(losses.slope(jnp.asarray(current**2)))
-        expected = np.linalg.eigvals(matrix(**reference, k=k, kind=kind)).real.max()
+        A = matrix(**REFERENCE, k=slope_at(current), kind=kind)
+        expected = np.linalg.eigvals(A).real.max()
         rate = lptn.growth_rate(network, losses, current**2)
         assert rate == pytest.approx(expected, rel=1e-9)
 
@@ -192,49 +180,29 @@ def test_the_growth_rate_of_two_nodes_is_the_eigenvalue_by_hand(kind, network):
 @pytest.mark.parametrize("step", [1e-3, 60.0])
 def test_a_thousandth_of_a_second_and_a_minute(step):
     values = {"Ceq_w": 6667.5, "Ceq_sr": 150601.0, "Req_w": 0.14485, "Req_sr": 0.11625}
-    losses = CopperLosses(Rs0=jnp.asarray(0.0062))
-    k = float(losses.slope(jnp.asarray(1e4)))
     num = 20_000 if step < 1.0 else 600
-    trace = simulate(
-        lptn.second_order(**values), losses,
-        constant(step, current=100.0, losses=500.0, num=NUM if num <= NUM else LONG),
-        {"winding": 20.0, "stator": 20.0},
-    )  # fmt: skip
-    expected = exact(
-        matrix(**values, k=k), source(**values, losses=500.0, ambient=20.0, k=k),
-        np.array([20.0, 20.0]), [num * step],
-    )  # fmt: skip
-    got = [float(trace.temperature[n][num]) for n in ("stator", "winding")]
+    inputs = constant(step, current=100.0, losses=500.0, num=NUM if num <= NUM else LONG)
+    trace = simulate(lptn.second_order(**values), LOSSES, inputs, COLD)
+    expected = exact(values, [20.0, 20.0], [num * step], losses=500.0, k=slope_at(100.0))
     # a minute: (60/900)^3/24 of 80 K, 1e-3 K, which has decayed by the end; a millisecond:
     # 20,000 roundings of 1e-16 of 300 K
-    np.testing.assert_allclose(got, expected[0], atol=1e-4 if step > 1.0 else 1e-9)
+    atol = 1e-4 if step > 1.0 else 1e-9
+    np.testing.assert_allclose(both(trace, [num]), expected, atol=atol)
 
 
 def test_no_current_is_the_passive_network_and_no_losses_the_cooling_curve(network):
-    reference = {"Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625}
-    losses = CopperLosses(Rs0=jnp.asarray(0.0062))
     for power in (0.0, 300.0):
-        trace = simulate(
-            network, losses, constant(2.0, losses=power, ambient=-40.0),
-            {"winding": 120.0, "stator": 60.0},
-        )  # fmt: skip
-        expected = exact(
-            matrix(**reference), source(**reference, losses=power, ambient=-40.0),
-            np.array([60.0, 120.0]), [100.0, 2000.0],
-        )  # fmt: skip
-        got = np.stack(
-            [np.asarray(trace.temperature[n])[[50, 1000]] for n in ("stator", "winding")], axis=1
-        )
+        inputs = constant(2.0, losses=power, ambient=-40.0)
+        trace = simulate(network, LOSSES, inputs, {"winding": 120.0, "stator": 60.0})
+        expected = exact(REFERENCE, [60.0, 120.0], [100.0, 2000.0], losses=power, ambient=-40.0)
         # (2/92)^3/24 of a change of 100 K: 4e-5 K
-        np.testing.assert_allclose(got, expected, atol=5e-5)
+        np.testing.assert_allclose(both(trace, [50, 1000]), expected, atol=5e-5)
         assert np.max(np.abs(trace.copper_loss)) == 0.0
 
 
 def test_a_gap_of_one_sample_is_one_long_step(network):
     """Steps of 1 s with one of 2 s, as where a sample is missing: the same as without the gap."""
-    losses = CopperLosses(Rs0=jnp.asarray(0.0062))
-    start = {"winding": 20.0, "stator": 20.0}
-    whole = simulate(network, losses, constant(1.0, 100.0, 500.0), start)
+    whole = simulate(network, LOSSES, constant(1.0, 100.0, 500.0), COLD)
     steps = np.ones(599)
     steps[299] = 2.0
     gap = Inputs(
@@ -243,6 +211,6 @@ def test_a_gap_of_one_sample_is_one_long_step(network):
         losses=jnp.asarray(np.full(599, 500.0)),
         ambient=jnp.asarray(np.full(599, 20.0)),
     )
-    trace = simulate(network, losses, gap, start)
+    trace = simulate(network, LOSSES, gap, COLD)
     # the one long step: (2/92)^3/24 of what is left of a change of 30 K
     assert float(trace.reading[-1]) == pytest.approx(float(whole.reading[600]), abs=1e-5)

@@ -1,96 +1,180 @@
-"""Laws of single effects against numbers worked out apart from them."""
+"""The laws of effects worked out by hand, at an instant or as a course; a winding of its own."""
 
 from __future__ import annotations
 
-import dataclasses
+import math
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from compiled import constant, simulate
+from compiled import constant, reading, simulate
 
 import lptn
-from lptn import CopperLosses
-from lptn.effects import build
-from lptn.effects.bodies import EndWindingNode, HousingNode, RotorNode
+from lptn import EFFECTS, CopperLosses
+from lptn.effects import applies, build, build_all
+from lptn.effects.bodies import EndWindingNode, HousingNode, NeighbourBody, RotorNode, WindingNode
+from lptn.effects.cooling import CoolingStep, FanCooling, SpeedCooling
 from lptn.effects.losses import (
     AcCopperLoss,
+    BearingFriction,
     CopperCoefficient,
     ExternalLoss,
     IronLossInWinding,
+    LossGain,
+    StandbyLoss,
     StrayLoadLoss,
+    WindingResistance,
 )
-from lptn.effects.sensors import TimeShift
+from lptn.effects.sensors import SensorContact, SensorGain, TimeShift
+from lptn.effects.sinks import AmbientDrift, AmbientRecirculation, CoolantSink
 from lptn.effects.surface import NaturalConvection, Radiation
+from lptn.effects.winding_path import ContactDrift, InsulationConductivity
 from lptn.stepping import heat_balance
 
-HOT = {"winding": jnp.asarray(90.0), "stator": jnp.asarray(80.0)}
+TEMPERATURE = {"winding": jnp.asarray(90.0), "stator": jnp.asarray(80.0)}
+MOMENT = lptn.Drive(
+    time=jnp.asarray(1800.0),
+    current_squared=jnp.asarray(100.0**2),
+    losses=jnp.asarray(700.0),
+    ambient=jnp.asarray(20.0),
+    speed=jnp.asarray(-0.5),  # the direction of rotation changes nothing
+    speed_rad=jnp.asarray(-200.0),
+    coolant=jnp.asarray(35.0),
+    fan=jnp.asarray(0.6),
+    current_ratio_squared=jnp.asarray(0.25),
+)
+COPPER_W = 3 * 100.0**2 * 0.0062 * (234.5 + 90.0) / (234.5 + 25.0)
+WINDING_PATH = ("winding", "stator")
+SINK_PATH = ("stator", "ambient")
 
 
-def terms(network, losses, short, kind=None, **values):
-    """The balance at the last interval with winding at 90 and stator at 80 degC."""
-    drive = short.drive()
-    drive = type(drive)(**{
-        f.name: None if getattr(drive, f.name) is None else getattr(drive, f.name)[-1]
-        for f in dataclasses.fields(drive)
-    })  # fmt: skip
-    effects = [] if kind is None else [build(kind, values, network)]
-    return heat_balance(network, losses, effects, HOT, drive), drive
+@pytest.fixture(params=["balance", "map"])
+def moment(request, network):
+    """The balance of the moment under some effect, for either meaning of the loss channel."""
+    losses = CopperLosses(Rs0=jnp.asarray(0.0062), kind=request.param)
+
+    def terms(kind=None, **values):
+        effects = [] if kind is None else [build(kind, values, network)]
+        return heat_balance(network, losses, effects, TEMPERATURE, MOMENT)
+
+    return terms
 
 
-def test_radiation_is_the_law_of_stefan_and_boltzmann(network, losses, short):
-    base, drive = terms(network, losses, short)
-    seen, _ = terms(network, losses, short, Radiation, eA=0.5)
-    cold = float(drive.ambient) + 273.15
-    expected = -0.5 * 5.670374419e-8 * (353.15**4 - cold**4)
-    assert float(seen.heat["stator"] - base.heat["stator"]) == pytest.approx(expected, rel=1e-12)
+def added(base, seen, node):
+    return float(seen.heat[node] - base.heat[node])
 
 
-@pytest.mark.parametrize("kind", ["balance", "map"])
-def test_losses_move_under_a_balance_and_add_under_a_map(network, short, kind):
-    losses = CopperLosses(Rs0=jnp.asarray(0.0062), kind=kind)
-    base, drive = terms(network, losses, short)
-    copper = 3 * float(drive.current_squared) * 0.0062 * (234.5 + 90.0) / (234.5 + 25.0)
-    s = float(drive.speed)
-    for effect, values, watts in (
-        (AcCopperLoss, {"k": 0.4}, 0.4 * copper * s**2),
-        (CopperCoefficient, {"dB": 10.0},
-         copper * ((334.5 / 269.5) / (324.5 / 259.5) - 1.0)),
-    ):  # fmt: skip
-        seen, _ = terms(network, losses, short, effect, **values)
-        assert float(seen.heat["winding"] - base.heat["winding"]) == pytest.approx(watts, rel=1e-9)
-        taken = -watts if kind == "balance" else 0.0
-        assert float(seen.heat["stator"] - base.heat["stator"]) == pytest.approx(taken, abs=1e-9)
-    stray, _ = terms(network, losses, short, StrayLoadLoss, k=100.0)
-    watts = 100.0 * float(drive.current_ratio_squared) * s**1.5
-    node = "winding" if kind == "balance" else "stator"
-    assert float(stray.heat[node] - base.heat[node]) == pytest.approx(watts, rel=1e-9)
+@pytest.mark.parametrize(
+    ("kind", "values", "link", "factor"),
+    [
+        (FanCooling, {"g": 0.5}, SINK_PATH, 1.0 + 0.5 * 0.6),
+        (CoolingStep, {"k": 2.0, "t_star": 600.0}, SINK_PATH, 2.0),
+        (CoolingStep, {"k": 2.0, "t_star": 3000.0}, SINK_PATH, 1.0),
+        (CoolingStep, {"k": 2.0, "t_star": 1800.0}, SINK_PATH, 1.5),
+        # 60 K against the 40 K at which it holds, rounded off below 1 K
+        (NaturalConvection, {"f": 0.6, "n": 0.25}, SINK_PATH, 0.4 + 0.6 * (3601 / 1600) ** 0.125),
+        (InsulationConductivity, {"b": 0.004}, WINDING_PATH, 1.0 + 0.004 * 30.0),
+        (ContactDrift, {"d": 0.1}, WINDING_PATH, 1.0 / 1.05),
+    ],
+)
+def test_a_path_conducts_by_the_law(kind, values, link, factor, moment):
+    base, seen = moment(), moment(kind, **values)
+    for path, conductance in base.conductance.items():
+        expected = factor if path == link else 1.0
+        # 1200 s are 80 widths of the logistic course: nothing is left of its tails
+        assert float(seen.conductance[path] / conductance) == pytest.approx(expected, rel=1e-12)
+    assert seen.heat == base.heat
+    assert seen.sink == base.sink
 
 
-def test_iron_loss_moves_and_external_loss_leaves(network, losses, short):
-    base, drive = terms(network, losses, short)
-    other = float(base.other)
-    moved, _ = terms(network, losses, short, IronLossInWinding, q=0.2)
-    assert float(moved.heat["winding"] - base.heat["winding"]) == pytest.approx(0.2 * other)
-    assert float(sum(moved.heat.values())) == pytest.approx(float(sum(base.heat.values())))
-    left, _ = terms(network, losses, short, ExternalLoss, k=0.1, m=1.0)
-    lost = 0.1 * other * float(drive.speed)
-    assert float(sum(base.heat.values()) - sum(left.heat.values())) == pytest.approx(lost)
+@pytest.mark.parametrize(
+    ("kind", "values", "rise"),
+    [(CoolantSink, {"a": 0.4}, 0.4 * 15.0), (AmbientDrift, {"d": -3.0}, -1.5)],
+)
+def test_the_sink_sits_where_the_law_puts_it(kind, values, rise, moment):
+    base, seen = moment(), moment(kind, **values)
+    assert float(seen.sink) == pytest.approx(20.0 + rise, rel=1e-12)
+    assert seen.heat == base.heat
+    assert seen.conductance == base.conductance
 
 
-def test_natural_convection_holds_at_forty_kelvin(network, losses, short):
-    link = ("stator", "ambient")
-    base, drive = terms(network, losses, short)
-    seen, _ = terms(network, losses, short, NaturalConvection, f=0.6, n=0.25)
-    theta = 80.0 - float(drive.ambient)
-    # the rounding off below 1 K changes the law by (1 K/theta)^2/8
-    expected = 1.0 - 0.6 + 0.6 * (theta / 40.0) ** 0.25
-    factor = float(seen.conductance[link] / base.conductance[link])
-    assert factor == pytest.approx(expected, rel=2e-4)
+def test_recirculation_goes_with_all_losses(moment):
+    total = 700.0 if moment().losses.kind == "balance" else 700.0 + COPPER_W
+    seen = moment(AmbientRecirculation, r=0.01)
+    assert float(seen.sink) == pytest.approx(20.0 + 0.01 * total, rel=1e-12)
 
 
-def test_a_housing_is_a_ladder_as_seen_from_the_winding(network, losses, short, start):
+@pytest.mark.parametrize(
+    ("kind", "values", "watts"),
+    [
+        (WindingResistance, {"g": 0.1}, 0.1 * COPPER_W),
+        (AcCopperLoss, {"k": 0.4}, 0.4 * COPPER_W * 0.5**2),
+        (CopperCoefficient, {"dB": 10.0}, COPPER_W * (334.5 / 269.5 * 259.5 / 324.5 - 1.0)),
+    ],
+)
+def test_copper_losses_move_under_a_balance_and_add_under_a_map(kind, values, watts, moment):
+    base, seen = moment(), moment(kind, **values)
+    taken = -watts if base.losses.kind == "balance" else 0.0
+    assert added(base, seen, "winding") == pytest.approx(watts, rel=1e-9)
+    assert added(base, seen, "stator") == pytest.approx(taken, abs=1e-9)
+
+
+def test_other_losses_move_and_leave(moment):
+    base, other = moment(), float(moment().other)
+    put_in = float(sum(base.heat.values()))
+    stray = moment(StrayLoadLoss, k=100.0)
+    node = "winding" if base.losses.kind == "balance" else "stator"
+    assert added(base, stray, node) == pytest.approx(100.0 * 0.25 * 0.5**1.5, rel=1e-9)
+    moved = moment(IronLossInWinding, q=0.2)
+    assert added(base, moved, "winding") == pytest.approx(0.2 * other)
+    assert float(sum(moved.heat.values())) == pytest.approx(put_in)
+    left = moment(ExternalLoss, k=0.1, m=1.0)
+    assert put_in - float(sum(left.heat.values())) == pytest.approx(0.1 * other * 0.5)
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "watts"),
+    [
+        (StandbyLoss, {"P0": 20.0}, 20.0),
+        (BearingFriction, {"T_f": 0.1, "kappa": 0.03}, 0.1 * 200.0 * math.exp(-0.03 * 60.0)),
+        (LossGain, {"g": 0.05}, 0.05 * 700.0),
+        (Radiation, {"eA": 0.5}, -0.5 * 5.670374419e-8 * (353.15**4 - 293.15**4)),
+    ],
+)
+def test_losses_that_change_the_total_heat_the_stator(kind, values, watts, moment):
+    """The loss channel is 700 W under a balance (all losses) and under a map (without copper)."""
+    base, seen = moment(), moment(kind, **values)
+    assert added(base, seen, "stator") == pytest.approx(watts, rel=1e-12)
+    assert float(seen.heat["winding"]) == float(base.heat["winding"])
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "expected"),
+    [
+        (SensorContact, {"k": 0.25}, [57.5, 77.5]),
+        (SensorContact, {"k": -0.1}, [61.0, 95.0]),
+        (SensorGain, {"g": 0.02}, [60.0 + 0.02 * 40.0, 90.0 + 0.02 * 70.0]),
+    ],
+)
+def test_the_sensor_reads_by_the_law(kind, values, expected, network):
+    nothing = jnp.zeros(1)
+    inputs = lptn.Inputs(jnp.asarray(2.0), nothing, nothing, jnp.full(1, 20.0))
+    winding = jnp.asarray([60.0, 90.0])
+    temperature = {"winding": winding, "stator": jnp.asarray([50.0, 40.0])}
+    seen = build(kind, values, network).observe(winding, temperature, inputs)
+    np.testing.assert_allclose(seen, expected, rtol=1e-12)
+
+
+EQUAL = {"winding": 20.0, "stator": 20.0}
+
+
+def course(network, losses, inputs, kind, values):
+    effect = build(kind, values, network)
+    return effect, simulate(network, losses, inputs, EQUAL, effects=[effect])
+
+
+def test_a_housing_is_a_ladder_as_seen_from_the_winding(network, losses, short):
     """The equivalent form against the ladder itself, at a constant sink."""
     still = eqx.tree_at(lambda i: i.ambient, short, jnp.asarray(np.full(short.num_time, 20.0)))
     x, tau, R = 0.4, 200.0, 0.11625
@@ -102,10 +186,8 @@ def test_a_housing_is_a_ladder_as_seen_from_the_winding(network, losses, short, 
                     ("housing", "ambient"): jnp.asarray(x * R)},
         share={"stator": jnp.asarray(1.0)},
     )  # fmt: skip
-    equal = {"winding": 20.0, "stator": 20.0}
-    seen = simulate(network, losses, still, equal,
-                         effects=[build(HousingNode, {"x": x, "tau": tau}, network)])  # fmt: skip
-    expected = simulate(ladder, losses, still, {**equal, "housing": 20.0})
+    _, seen = course(network, losses, still, HousingNode, {"x": x, "tau": tau})
+    expected = simulate(ladder, losses, still, {**EQUAL, "housing": 20.0})
     # two explicit third-order marches of different nodes: (2 s/97 s)^3/24 of 15 K at most
     np.testing.assert_allclose(seen.reading, expected.reading, atol=1e-5)
     housing = 20.0 + x * (np.asarray(seen.temperature["housing"]) - 20.0)
@@ -114,10 +196,7 @@ def test_a_housing_is_a_ladder_as_seen_from_the_winding(network, losses, short, 
 
 
 def test_the_rotor_hands_on_what_it_gets(network, losses, short):
-    values = {"p": 0.3, "C": 10e3, "tau": 300.0}
-    equal = {"winding": 20.0, "stator": 20.0}
-    trace = simulate(network, losses, short, equal,
-                          effects=[build(RotorNode, values, network)])  # fmt: skip
+    _, trace = course(network, losses, short, RotorNode, {"p": 0.3, "C": 10e3, "tau": 300.0})
     got = 0.3 * float(np.sum(trace.other_loss) * short.step)
     kept = 0.3 * 10e3 * float(trace.temperature["rotor"][-1] - 20.0)
     given = -float(np.sum(trace.flow["stator", "rotor"]) * short.step)
@@ -126,16 +205,14 @@ def test_the_rotor_hands_on_what_it_gets(network, losses, short):
 
 
 def test_overhang_and_slot_share_the_winding(network, losses, short):
-    equal = {"winding": 20.0, "stator": 20.0}
-    effect = build(EndWindingNode, {"f": 0.4, "tau": 25.0, "p": 1.0}, network)
-    trace = simulate(network, losses, short, equal, effects=[effect])
+    values = {"f": 0.4, "tau": 25.0, "p": 1.0}
+    effect, trace = course(network, losses, short, EndWindingNode, values)
     extended = effect.extend(network)
     assert float(extended.capacitance["winding"]) == pytest.approx(0.6 * 666.75)
     assert float(extended.capacitance["overhang"]) == pytest.approx(0.4 * 666.75)
-    ahead = np.subtract(trace.temperature["overhang"], trace.temperature["winding"])
-    np.testing.assert_allclose(
-        np.subtract(trace.reading, trace.temperature["winding"]), ahead, atol=1e-12
-    )
+    winding = trace.temperature["winding"]
+    ahead = np.subtract(trace.temperature["overhang"], winding)
+    np.testing.assert_allclose(np.subtract(trace.reading, winding), ahead, atol=1e-12)
     assert float(ahead[-1]) > 0.0  # it is heated and only the slots cool it
 
 
@@ -145,3 +222,87 @@ def test_a_shift_of_a_ramp_is_the_ramp_later():
     ramp = jnp.asarray(20.0 + 0.5 * edges)
     shifted = eqx.filter_jit(TimeShift(jnp.asarray(7.0)).observe)(ramp, {}, inputs)
     np.testing.assert_allclose(shifted, 20.0 + 0.5 * np.maximum(edges - 7.0, 0.0), atol=1e-7)
+
+
+Ceq_w, Ceq_sr, Req_w, Req_sr = 666.75, 15060.1, 0.14485, 0.11625
+ONE = lptn.first_order(Ceq_w + Ceq_sr, Req_sr)
+SHARE = Ceq_w / (Ceq_w + Ceq_sr)
+SAME = {"x": Req_w / Req_sr, "tau": Req_w * Ceq_w * Ceq_sr / (Ceq_w + Ceq_sr)}
+"""By hand: two bodies through a resistance even out with R C1 C2/(C1 + C2)."""
+
+START = {"winding": jnp.asarray(21.0)}
+BOTH = {"winding": jnp.asarray(21.0), "stator": jnp.asarray(21.0)}
+
+beside = pytest.mark.parametrize(
+    ("kind", "values"),
+    [
+        (SpeedCooling, {"g": 1.5, "m": 0.8}),
+        (AcCopperLoss, {"k": 0.5}),
+        (NeighbourBody, {"C": 5000.0, "tau": 1500.0}),
+        (HousingNode, {"x": 0.4, "tau": 300.0}),
+        (RotorNode, {"p": 0.2, "C": 2e4, "tau": 900.0}),
+    ],
+    ids=lambda value: getattr(getattr(value, "card", None), "id", None),
+)
+
+
+@pytest.mark.parametrize("loss_kind", ["balance", "map"])
+def test_the_first_order_with_it_is_the_second(loss_kind, short):
+    losses = CopperLosses(Rs0=jnp.asarray(0.0062), kind=loss_kind)
+    effects = [build(WindingNode, SAME, ONE)]
+    found = simulate(ONE, losses, short, START, effects=effects)
+    second = simulate(lptn.second_order(Ceq_w, Ceq_sr, Req_w, Req_sr), losses, short, BOTH)
+    # K; the affine and the general step differ by rounding
+    np.testing.assert_allclose(found.reading, second.reading, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(
+        found.flow["winding", "stator"], second.flow["winding", "stator"], rtol=0.0, atol=1e-7
+    )
+
+
+@beside
+def test_at_its_null_any_other_effect_does_what_it_does_to_one_node(kind, values, short, losses):
+    """A winding that is not there must not bend the signature of what is."""
+    gone = [(WindingNode, {"x": 0.0, "tau": 80.0}), (kind, values)]
+    alone = reading(ONE, losses, short, START, effects=[build(kind, values, ONE)])
+    both = reading(ONE, losses, short, START, effects=build_all(gone, ONE))
+    # 1e-12 W/K or shares keep gradients finite
+    np.testing.assert_allclose(both, alone, rtol=0.0, atol=1e-8)
+
+
+@beside
+@pytest.mark.parametrize("order", ["before", "after"])
+def test_beside_it_any_other_effect_does_what_it_does_to_two_nodes(
+    kind, values, order, short, losses
+):
+    wanted = [(WindingNode, SAME), (kind, values)]
+    wanted = wanted if order == "before" else wanted[::-1]
+    second = lptn.second_order(Ceq_w, Ceq_sr, Req_w, Req_sr)
+    both = reading(ONE, losses, short, START, effects=build_all(wanted, ONE))
+    expected = reading(second, losses, short, BOTH, effects=[build(kind, values, second)])
+    np.testing.assert_allclose(both, expected, rtol=0.0, atol=1e-8)
+
+
+def test_a_winding_too_fast_for_the_steps_stays_bounded(short, losses):
+    """Close to the null the share is at its limit: what is left goes with the resistance."""
+    base = np.asarray(reading(ONE, losses, short, START))
+    far, near = (
+        reading(ONE, losses, short, START,
+                effects=[build(WindingNode, {"x": x, "tau": 80.0}, ONE)]) - base
+        for x in (2e-3, 1e-3)
+    )  # fmt: skip
+    assert 1e-4 < np.max(np.abs(near)) < 0.1
+    np.testing.assert_allclose(far, 2.0 * near, rtol=0.02, atol=1e-5)
+
+
+def test_it_applies_to_one_node_alone(four_nodes, network):
+    assert applies(WindingNode, ONE)
+    tied = lptn.first_order(1e4, 0.1).with_node(
+        "body", capacitance=jnp.asarray(1e3), links={"winding": jnp.asarray(1.0)}
+    )
+    for other in (four_nodes, network, tied):
+        assert not applies(WindingNode, other)
+        with pytest.raises(ValueError, match="winding_node"):
+            build(WindingNode, SAME, other)
+        with pytest.raises(ValueError, match="winding_node"):
+            WindingNode(**{k: jnp.asarray(v) for k, v in SAME.items()}).extend(other)
+    assert WindingNode in EFFECTS

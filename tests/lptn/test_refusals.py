@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 
-import equinox as eqx
 import jax.numpy as jnp
 import pytest
 
@@ -14,97 +13,83 @@ import lptn
 from lptn import CopperLosses, Inputs, Network
 from lptn.effects.sensors import SensorLag
 
+ZEROS, ONE = jnp.zeros(3), jnp.asarray(1.0)
+START = {"winding": 22.0, "stator": 20.0}
+
 
 def inputs_of(step, num=10):
     ones = jnp.ones(num)
     return Inputs(step=jnp.asarray(step), current_squared=ones, losses=ones, ambient=20.0 * ones)
 
 
-@pytest.mark.parametrize("step", [0.0, -1.0, float("nan")])
-def test_a_step_of_no_length_is_refused(step, network, losses, start):
-    with pytest.raises(ValueError, match="must increase"):
-        lptn.simulate(network, losses, inputs_of(step), start)
-
-
-def test_one_bad_step_among_good_ones_is_refused(network, losses, start):
-    steps = jnp.ones(10).at[3].set(-0.5)
-    with pytest.raises(ValueError, match=r"shortest step is -0\.5 s"):
-        lptn.simulate(network, losses, inputs_of(steps), start)
-
-
-def test_a_missing_start_temperature_is_named(network, losses, short):
-    with pytest.raises(ValueError, match=r"given for \['winding'\].*'stator'"):
-        lptn.simulate(network, losses, short, {"winding": 20.0})
-
-
-def test_a_start_temperature_of_no_node_is_named(network, losses, short, start):
-    with pytest.raises(ValueError, match="magnet"):
-        lptn.reading(network, losses, short, start | {"magnet": 20.0})
-
-
-def test_a_start_that_is_no_number_is_refused(network, losses, short, start):
-    with pytest.raises(ValueError, match=r"'stator' has shape \(1,\).*jax\.vmap"):
-        lptn.reading(network, losses, short, start | {"stator": jnp.asarray([20.0])})
-
-
-def test_a_sensor_in_no_node_is_refused(network, losses, short, start):
-    with pytest.raises(ValueError, match="'magnet', which is none of"):
-        lptn.reading(network, losses, short, start, sensor=lptn.Sensor(node="magnet"))
-
-
-def test_a_torque_offset_without_speed_is_refused(network, short, start):
-    losses = CopperLosses(Rs0=jnp.asarray(0.0062), torque_offset=jnp.asarray(0.3))
-    silent = eqx.tree_at(lambda inputs: inputs.speed, short, None)
-    with pytest.raises(ValueError, match=r"0\.3 N m needs the speed"):
-        lptn.reading(network, losses, silent, start)
-
-
-def test_shares_that_lose_heat_are_refused(losses, short):
-    network = Network(
-        {"winding": jnp.asarray(600.0), "stator": jnp.asarray(1e4)},
-        {("winding", "stator"): jnp.asarray(0.1), ("stator", "ambient"): jnp.asarray(0.1)},
-        {"stator": jnp.asarray(0.9)},
-    )
-    with pytest.raises(ValueError, match=r"add up to 0\.9, expected 1"):
-        lptn.simulate(network, losses, short, {"winding": 20.0, "stator": 20.0})
-
-
-@pytest.mark.parametrize("name", ["losses", "ambient", "speed", "coolant", "fan"])
-def test_shapes_that_differ_are_refused(name):
-    good = {"current_squared": jnp.zeros(3), "losses": jnp.zeros(3), "ambient": jnp.zeros(3)}
-    with pytest.raises(ValueError, match=rf"Inputs\.{name} has shape \(4,\), expected \(3,\)"):
-        Inputs(step=jnp.asarray(1.0), **(good | {name: jnp.zeros(4)}))
-
-
-@pytest.mark.parametrize("shape", [(2,), (3, 1)])
-def test_steps_of_another_shape_are_refused(shape):
-    zeros = jnp.zeros(3)
-    with pytest.raises(ValueError, match=r"Inputs\.step"):
-        Inputs(step=jnp.ones(shape), current_squared=zeros, losses=zeros, ambient=zeros)
-
-
-def test_a_single_number_is_no_record():
-    zero = jnp.zeros(())
-    with pytest.raises(ValueError, match="one mean per interval"):
-        Inputs(step=jnp.asarray(1.0), current_squared=zero, losses=zero, ambient=zero)
-
-
-@pytest.mark.parametrize(
-    "link", [("winding", "frame"), ("winding", "winding"), ("ambient", "winding")]
+LOSING = Network(
+    {"winding": jnp.asarray(600.0), "stator": jnp.asarray(1e4)},
+    {("winding", "stator"): jnp.asarray(0.1), ("stator", "ambient"): jnp.asarray(0.1)},
+    {"stator": jnp.asarray(0.9)},
 )
-def test_a_link_to_nowhere_is_refused(link):
-    with pytest.raises(ValueError, match="must join two different nodes"):
-        Network({"winding": jnp.asarray(1.0)}, {link: jnp.asarray(1.0)}, {})
+NEEDS_SPEED = CopperLosses(Rs0=jnp.asarray(0.0062), torque_offset=jnp.asarray(0.3))
+COURSE = {
+    "a step of nothing": ("must increase", {"inputs": inputs_of(0.0)}),
+    "a step back": ("must increase", {"inputs": inputs_of(-1.0)}),
+    "a step that is no number": ("must increase", {"inputs": inputs_of(float("nan"))}),
+    "one bad step among good ones": (
+        r"shortest step is -0\.5 s", {"inputs": inputs_of(jnp.ones(10).at[3].set(-0.5))}),
+    "shares that lose heat": (r"add up to 0\.9, expected 1", {"network": LOSING}),
+}  # fmt: skip
+ASKED = {
+    "a missing start": (r"given for \['winding'\].*'stator'", {"start": {"winding": 20.0}}),
+    "a start of no node": ("magnet", {"start": START | {"magnet": 20.0}}),
+    "a start that is no number": (
+        r"'stator' has shape \(1,\).*jax\.vmap", {"start": START | {"stator": jnp.ones(1)}}),
+    "a sensor in no node": ("'magnet', which is none of", {"sensor": lptn.Sensor(node="magnet")}),
+    "a torque offset without speed": (
+        r"0\.3 N m needs the speed", {"losses": NEEDS_SPEED, "inputs": inputs_of(1.0)}),
+}  # fmt: skip
+"""By both, beside what the whole course alone is looked at for."""
 
 
-def test_losses_into_no_node_are_refused():
-    with pytest.raises(ValueError, match="'stator', which is none of"):
-        Network({"winding": jnp.asarray(1.0)}, {}, {"stator": jnp.asarray(1.0)})
+@pytest.mark.parametrize("case", COURSE | ASKED)
+def test_what_cannot_be_simulated_is_refused(case, network, losses, short):
+    said, changes = (COURSE | ASKED)[case]
+    asked = {"network": network, "losses": losses, "inputs": short, "start": START} | changes
+    for function in (lptn.simulate, *([lptn.reading] if case in ASKED else [])):
+        with pytest.raises(ValueError, match=said):
+            function(**asked)
 
 
-def test_a_node_is_added_under_a_free_name(network):
-    with pytest.raises(ValueError, match="choose another name"):
-        network.with_node("stator", capacitance=jnp.asarray(1.0), links={})
+def record(**columns):
+    good = {"step": ONE, "current_squared": ZEROS, "losses": ZEROS, "ambient": ZEROS}
+    return lambda: Inputs(**(good | columns))
+
+
+def linked(*link):
+    return lambda: Network({"winding": ONE}, {link: ONE}, {})
+
+
+ZERO = jnp.zeros(())
+MADE = {
+    **{f"{name} of another length": (
+        rf"Inputs\.{name} has shape \(4,\), expected \(3,\)", record(**{name: jnp.zeros(4)}))
+       for name in ("losses", "ambient", "speed", "coolant", "fan")},
+    "too few steps": (r"Inputs\.step", record(step=jnp.ones(2))),
+    "steps in columns": (r"Inputs\.step", record(step=jnp.ones((3, 1)))),
+    "a single number": (
+        "one mean per interval", record(current_squared=ZERO, losses=ZERO, ambient=ZERO)),
+    "a link to nowhere": ("must join two different nodes", linked("winding", "frame")),
+    "a link to itself": ("must join two different nodes", linked("winding", "winding")),
+    "a link from the sink": ("must join two different nodes", linked("ambient", "winding")),
+    "losses into no node": (
+        "'stator', which is none of", lambda: Network({"winding": ONE}, {}, {"stator": ONE})),
+    "a node of a name that is taken": (
+        "choose another name", lambda: LOSING.with_node("stator", capacitance=ONE, links={})),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", MADE)
+def test_what_is_no_record_and_no_network_is_refused(case):
+    said, make = MADE[case]
+    with pytest.raises(ValueError, match=said):
+        make()
 
 
 def test_a_sensor_lag_works_on_any_network(losses, short):
@@ -122,11 +107,8 @@ def test_float32_is_refused_with_the_remedy():
     )
     # heatrun, once imported, leaves its setting in the environment
     bare = {name: value for name, value in os.environ.items() if name != "JAX_ENABLE_X64"}
-    run = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=False, env=bare
-    )
+    words = [sys.executable, "-c", program]
+    run = subprocess.run(words, capture_output=True, text=True, check=False, env=bare)
     assert run.returncode != 0
-    assert (
-        'ValueError: lptn needs float64 and JAX runs in float32: call `jax.config.update("jax_'
-        in run.stderr
-    )
+    said = 'ValueError: lptn needs float64 and JAX runs in float32: call `jax.config.update("jax_'
+    assert said in run.stderr

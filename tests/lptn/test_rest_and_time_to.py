@@ -97,6 +97,18 @@ def test_a_network_rests_where_the_heat_that_enters_leaves(law, kind, network):
         assert found["housing"][0] == pytest.approx(stator, abs=1e-8)
 
 
+def by_scipy(slope, start, place, limit):
+    """Time at which a node reaches a limit, and the state there."""
+
+    def reached(t, T):
+        return T[place] - limit
+
+    reached.terminal = True
+    exact = solve_ivp(slope, (0.0, 1e6), start, events=reached, method="LSODA", rtol=1e-12,
+                      atol=1e-10)  # fmt: skip
+    return exact.t_events[0][0], exact.y_events[0][0]
+
+
 @pytest.mark.parametrize("kind", ["balance", "map"])
 @pytest.mark.parametrize("law", LAWS)
 def test_the_time_to_a_limit_is_that_of_scipy(law, kind, network):
@@ -105,14 +117,8 @@ def test_the_time_to_a_limit_is_that_of_scipy(law, kind, network):
     shares = np.array([0.05, 0.3, 0.9, 0.99])
     _, limits, times = asked(law, kind, network, share=shares, stator=SINK + 2.0)
     for share, limit, found in zip(shares, limits, times, strict=True):
-
-        def reached(t, T, limit=limit):
-            return T[1] - limit
-
-        reached.terminal = True
-        exact = solve_ivp(slope, (0.0, 1e6), first, events=reached, method="LSODA",
-                          rtol=1e-12, atol=1e-10)  # fmt: skip
-        error_K = abs(found - exact.t_events[0][0]) * slope(0, exact.y_events[0][0])[1]
+        exact, there = by_scipy(slope, first, 1, limit)
+        error_K = abs(found - exact) * slope(0, there)[1]
         # stated: 2e-5 of the largest change on the way, the winding's rise at rest at most
         assert error_K < 2e-5 * (limit - SINK) / share
 
@@ -144,16 +150,10 @@ def test_the_four_node_network_agrees_with_scipy(four_nodes):
     np.testing.assert_allclose([found[node] for node in order], rest, rtol=1e-7)
     for place, node in ((0, "magnet"), (2, "winding")):
         limit = SINK + 0.7 * (rest[place] - SINK)
-
-        def reached(t, T, place=place, limit=limit):
-            return T[place] - limit
-
-        reached.terminal = True
-        exact = solve_ivp(slope, (0.0, 1e6), [SINK] * 4, events=reached, method="LSODA",
-                          rtol=1e-12, atol=1e-10)  # fmt: skip
+        exact, _ = by_scipy(slope, [SINK] * 4, place, limit)
         start = dict.fromkeys(order, SINK)
         time = time_to(four_nodes, losses, drive(power=1500.0), start, node=node, limit=limit)
-        assert float(time) == pytest.approx(exact.t_events[0][0], rel=1e-5)
+        assert float(time) == pytest.approx(exact, rel=1e-5)
 
 
 @pytest.mark.parametrize("law", LAWS)

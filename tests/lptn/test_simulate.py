@@ -1,8 +1,11 @@
+"""The simulation, and what is folded from it without being stored."""
+
 from __future__ import annotations
 
 from functools import partial
 from itertools import pairwise
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +14,9 @@ from compiled import constant, reading, reference, simulate
 from scipy.integrate import solve_ivp
 
 import lptn
-from lptn import CopperLosses, Inputs, Network, first_order, longest_step, second_order
+from lptn import CopperLosses, first_order, longest_step, second_order
+from lptn.effects.cooling import SpeedCooling
+from lptn.effects.sensors import SensorLag
 
 
 def test_one_node_follows_the_exponential_at_third_order():
@@ -90,49 +95,6 @@ def test_energy_is_conserved_in_every_interval(network, kind, short, start):
     np.testing.assert_allclose(trace.heat["stator"], trace.other_loss)
 
 
-def test_steady_state_is_the_closed_form_with_feedback(network):
-    losses = CopperLosses(Rs0=jnp.asarray(0.0062))
-    inputs = constant(10.0, current=100.0, losses=600.0)
-    trace = simulate(network, losses, inputs, {"winding": 20.0, "stator": 20.0})
-    k = 3 * 0.0062 * 100.0**2 / 259.5
-    stator = 20.0 + 0.11625 * 600.0
-    winding = (stator + 0.14485 * k * 234.5) / (1.0 - 0.14485 * k)
-    assert float(trace.temperature["stator"][-1]) == pytest.approx(stator, abs=1e-6)
-    assert float(trace.temperature["winding"][-1]) == pytest.approx(winding, abs=1e-6)
-    assert float(trace.flow["stator", "ambient"][-1]) == pytest.approx(600.0, rel=1e-8)
-    assert float(trace.flow["winding", "stator"][-1]) == pytest.approx(
-        float(trace.copper_loss[-1]), rel=1e-8
-    )
-
-
-def test_scale_of_the_losses_is_not_visible_in_temperatures(network, losses, short, start):
-    g = 1.3
-    scaled = second_order(666.75 * g, 15060.1 * g, 0.14485 / g, 0.11625 / g)
-    louder = Inputs(
-        step=short.step,
-        current_squared=short.current_squared,
-        losses=jnp.asarray(g * np.asarray(short.losses)),
-        ambient=short.ambient,
-    )
-    one = reading(network, losses, short, start)
-    two = reading(scaled, CopperLosses(Rs0=g * losses.Rs0), louder, start)
-    np.testing.assert_allclose(one, two, atol=1e-10)
-
-
-def test_heat_goes_the_same_way_in_both_directions():
-    """Reciprocity: the rise of one node per watt in the other does not depend on which is which."""
-    rises = []
-    for heated, read in (("winding", "stator"), ("stator", "winding")):
-        base = second_order(600.0, 9000.0, 0.14, 0.11)
-        network = Network(base.capacitance, base.resistance, {heated: jnp.asarray(1.0)})
-        trace = simulate(
-            network, CopperLosses(Rs0=jnp.asarray(0.0)), constant(10.0, losses=100.0),
-            {"winding": 20.0, "stator": 20.0},
-        )  # fmt: skip
-        rises.append(float(trace.temperature[read][-1]) - 20.0)
-    assert rises[0] == pytest.approx(rises[1], rel=1e-9)
-
-
 def test_gradients_agree_with_finite_differences(short, start):
     @jax.jit
     def end(theta):
@@ -180,3 +142,105 @@ def test_sensor_gain_and_offset_show_in_the_reading_alone(network, losses, short
 def test_longest_step_is_inside_the_stable_range(network):
     # for two nodes the eigenvalue itself: 1/92 s, so twice that is the limit of stability
     assert 20.0 < float(longest_step(network)) < 2 * 92.0
+
+
+LAG = SensorLag(jnp.asarray(10.0))
+COOLING = SpeedCooling(g=jnp.asarray(0.5), m=jnp.asarray(0.8))
+
+SENSOR = lptn.Sensor(gain=jnp.asarray(0.02), offset=jnp.asarray(0.4))
+"""With a gain the sink enters the reading, and it moves: both must take the same one."""
+
+
+@pytest.fixture(scope="module")
+def blocks(short):
+    rng = np.random.default_rng(0)
+    shape = (short.num_time // 10, 10)
+    return jnp.asarray(rng.uniform(size=shape)), jnp.asarray(rng.uniform(size=shape))
+
+
+def mean_of(weight, position, before, after):
+    return np.sum(np.asarray(weight) * (before + np.asarray(position) * (after - before)), axis=1)
+
+
+@pytest.mark.parametrize("effects", [(), (COOLING,)], ids=["affine", "general"])
+def test_accumulate_folds_the_reading(effects, network, losses, short, start):
+    edges = reading(network, losses, short, start, effects=effects, sensor=SENSOR)
+    edges = np.asarray(edges)
+    weight = np.linspace(0.0, 1.0, short.num_time)
+    total = eqx.filter_jit(lptn.accumulate)(
+        network, losses, short, start, effects=effects, sensor=SENSOR,
+        update=lambda carry, before, after, item: carry + item * (before + 2.0 * after),
+        carry=jnp.zeros(()), data=jnp.asarray(weight),
+    )  # fmt: skip
+    expected = np.sum(weight * (edges[:-1] + 2.0 * edges[1:]))
+    assert float(total) == pytest.approx(float(expected), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "effects", [(), (COOLING,), (COOLING, LAG)], ids=["affine", "general", "sensor"]
+)
+def test_block_means_are_means_of_the_reading(effects, network, losses, short, start, blocks):
+    weight, position = blocks
+    edges = np.asarray(reading(network, losses, short, start, effects=effects, sensor=SENSOR))
+    before, after = edges[:-1].reshape(weight.shape), edges[1:].reshape(weight.shape)
+    means = eqx.filter_jit(lptn.block_means)(
+        network, losses, short, start,
+        weight=weight, position=position, effects=effects, sensor=SENSOR,
+    )  # fmt: skip
+    expected = mean_of(weight, position, before, after)
+    np.testing.assert_allclose(means, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "effects", [(), (COOLING,), (COOLING, LAG)], ids=["affine", "general", "sensor"]
+)
+def test_block_means_of_several_sensors_are_those_of_each(
+    effects, network, losses, short, start, blocks
+):
+    weight, position = blocks
+    stator = lptn.Sensor("stator", jnp.asarray(0.01), jnp.asarray(-0.3), jnp.asarray(25.0))
+    found = eqx.filter_jit(lptn.block_means)(
+        network, losses, short, start, effects=effects, sensor=SENSOR, also=(stator,),
+        weight=jnp.asarray(np.concatenate([weight, position])),
+        position=jnp.asarray(np.concatenate([position, weight])),
+    )  # fmt: skip
+    kept = [effect for effect in effects if effect is not LAG]
+    rows = []
+    for sensor, acting, share, place in (
+        (SENSOR, effects, weight, position),
+        (stator, kept, position, weight),
+    ):
+        edges = np.asarray(reading(network, losses, short, start, effects=acting, sensor=sensor))
+        before, after = edges[:-1].reshape(share.shape), edges[1:].reshape(share.shape)
+        rows.append(mean_of(share, place, before, after))
+    np.testing.assert_allclose(found, np.concatenate(rows), rtol=1e-12)
+
+
+def test_a_sensor_lags_as_the_effect_does(network, losses, short, start):
+    lagging = lptn.Sensor(SENSOR.node, SENSOR.gain, SENSOR.offset, LAG.tau)
+    found = reading(network, losses, short, start, sensor=lagging)
+    expected = reading(network, losses, short, start, effects=[LAG], sensor=SENSOR)
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def test_the_reading_is_that_of_the_trace(network, losses, short, start):
+    trace = simulate(network, losses, short, start, effects=[LAG], sensor=SENSOR)
+    alone = reading(network, losses, short, start, effects=[LAG], sensor=SENSOR)
+    np.testing.assert_allclose(alone, trace.reading, rtol=1e-13)
+
+
+def test_accumulate_refuses_effects_on_the_sensor(network, losses, short, start):
+    with pytest.raises(ValueError, match=r"use reading\(\)"):
+        lptn.accumulate(
+            network, losses, short, start, effects=[LAG],
+            update=lambda carry, before, after, item: carry, carry=0.0, data=short.losses,
+        )  # fmt: skip
+
+
+def test_blocks_that_do_not_hold_the_steps_are_refused(network, losses, short, start, blocks):
+    weight, position = blocks
+    for some in (weight[:-1], weight[:, :-1]):
+        with pytest.raises(ValueError, match="120 steps in all"):
+            lptn.block_means(network, losses, short, start, weight=some, position=some)
+    with pytest.raises(ValueError, match="position"):
+        lptn.block_means(network, losses, short, start, weight=weight, position=position[:-1])

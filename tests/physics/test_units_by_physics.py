@@ -1,7 +1,8 @@
 """Records of very different machines, right and in a wrong unit: what is asked, and what cannot be.
 
 The table says for each wrong unit what a record of five channels shows, and what one with torque,
-speed and electrical power shows. What is invisible is so in principle, as stated beside it.
+speed and electrical power shows. What is invisible is so in principle, as stated beside it. Bundled
+records, and measured ones where they are at hand, are not asked about.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,6 +30,9 @@ from bench_machines import (
 from heatrun import checks
 from heatrun.checks.sensor import falls_at_once
 from heatrun.checks.suspicion import unit_suspected
+from heatrun.motor.file import load_motor
+from heatrun.readers.align import join
+from heatrun.readers.read import read_record
 from heatrun.record.derive import derive
 from heatrun.record.motor import Motor
 from heatrun.record.record import ColumnReading, Finding, Record, UnitSource
@@ -321,3 +326,41 @@ def test_wheel_and_shaft_are_compared():
     assert asked(as_read(columns, only=only), motor) == []
     (finding,) = asked(as_read(columns, only=only, factors={"speed_rpm": np.pi / 30.0}), motor)
     assert supposed(finding) == ["factor_speed_rpm_rad/s"]
+
+
+DATA = Path(__file__).parents[2] / "data" / "synthetic"
+SHARED = Path(__file__).resolve().parents[3] / "shared" / "bench"
+BUNDLED = sorted(p.relative_to(DATA) for p in DATA.rglob("*.csv.gz"))
+MEASURED = pytest.mark.skipif(not SHARED.is_dir(), reason="the measured records are not here")
+
+
+def sentences(record, motor):
+    return [finding.sentence() for finding in checked(record, motor, "unit_suspected")]
+
+
+@pytest.mark.parametrize("name", BUNDLED, ids=str)
+def test_a_bundled_record_is_not_asked_about(name):
+    path = DATA / name
+    motor = load_motor(path.with_name("motor.toml"))
+    assert sentences(read_record(path, motor), motor) == []
+
+
+@MEASURED
+@pytest.mark.parametrize("sink", ["coolant", "ambient"])
+@pytest.mark.parametrize("resistance", [None, 0.0125])
+def test_a_measured_traction_motor_is_not_asked_about(sink, resistance):
+    motor = Motor("traction", sink=sink, phase_resistance_ohm=resistance)
+    (path,) = SHARED.glob("paderborn*")
+    assert sentences(read_record(path, motor), motor) == []
+
+
+@MEASURED
+@pytest.mark.parametrize("run", ["Run3", "Run13"])
+def test_a_measured_small_motor_is_not_asked_about(run):
+    (folder,) = (SHARED / "tass").glob(f"{run}-*")
+    (thermometer,), (drive,) = folder.glob("DAQ*.csv"), folder.glob("Export*.csv")
+    # the power from the link stands for the losses: the propeller was off
+    columns = {"time_s": "rate 10 Hz", "losses_W": "Power [W]"}
+    motor = Motor("small", columns=columns)
+    joined, _ = join(read_record(thermometer, Motor("small")), read_record(drive, motor))
+    assert sentences(joined, motor) == []

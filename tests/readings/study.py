@@ -85,6 +85,20 @@ def table(outcomes: list[Outcome], note: str = "") -> str:
     stated = [o for o in outcomes if o.case.truth is Truth.READ]
     plain = [o for o in outcomes if o.case.truth is Truth.PLAIN]
     unsettled = [o for o in outcomes if o.verdict in (ASKED, WARNED)]
+    stating = "files that state everything"
+    rates = (
+        ("files are misread in silence", total[MISREAD], len(outcomes)),
+        ("end in a traceback", total[TRACEBACK], len(outcomes)),
+        (f"{stating} are misread", sum(o.verdict == MISREAD for o in stated), len(stated)),
+        (f"{stating} get a needless question", sum(o.verdict == NEEDLESS for o in stated),
+         len(stated)),
+        (f"{stating} are read wrongly and stopped by a check of values alone",
+         sum(o.beneath for o in stated), len(stated)),
+        ("plain files whose ordinary reading is right get a needless question",
+         sum(o.verdict == NEEDLESS for o in plain), len(plain)),
+        ("questions and warnings on what the file cannot settle do not name the doubt",
+         sum(not o.named for o in unsettled), len(unsettled)),
+    )  # fmt: skip
     rows = [*by_cause.items(), ("all", total)]
     lines = [
         "# How bench files are read",
@@ -96,29 +110,7 @@ def table(outcomes: list[Outcome], note: str = "") -> str:
         "",
         EXPLAINED,
         "",
-        share("files are misread in silence", total[MISREAD], len(outcomes)),
-        share("end in a traceback", total[TRACEBACK], len(outcomes)),
-        share(
-            "files that state everything are misread",
-            sum(o.verdict == MISREAD for o in stated), len(stated),
-        ),
-        share(
-            "files that state everything get a needless question",
-            sum(o.verdict == NEEDLESS for o in stated), len(stated),
-        ),
-        share(
-            "files that state everything are read wrongly and stopped by a check of values alone",
-            sum(o.beneath for o in stated),
-            len(stated),
-        ),
-        share(
-            "plain files whose ordinary reading is right get a needless question",
-            sum(o.verdict == NEEDLESS for o in plain), len(plain),
-        ),
-        share(
-            "questions and warnings on what the file cannot settle do not name the doubt",
-            sum(not o.named for o in unsettled), len(unsettled),
-        ),
+        *(share(*rate) for rate in rates),
         "",
         "The limits hold for files like these, which are chosen to be hard: no rate of a bench.",
         "",
@@ -139,10 +131,8 @@ def table(outcomes: list[Outcome], note: str = "") -> str:
                 "| cause | file | what came |",
                 "|---|---|---|",
             ]
-            lines += [
-                f"| {cell(o.case.cause)} | {cell(o.case.name)} | {cell(o.said)} |" for o in found
-            ]
-            lines.append("")
+            lines += [f"| {cell(o.case.cause)} | {cell(o.case.name)} | {cell(o.said)} |"
+                      for o in found] + [""]  # fmt: skip
     return "\n".join(lines)
 
 

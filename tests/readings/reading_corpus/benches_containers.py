@@ -23,7 +23,7 @@ HEADS, KEYS = "elapsed|Irms|Ploss|Troom|Tcoil", "- - kW - -"
 def columns_of(sheet: Sheet, form: str) -> dict[str, str]:
     """Return `[columns]`: each a form of the name, the number and the unit of a column."""
     return {
-        column.channel: form.format(name=column.header, k=k, unit=unit)
+        column.channel: form.format(name=column.header, k=k, k0=k - 1, unit=unit)
         for k, (column, unit) in enumerate(zip(sheet.columns, UNITS, strict=True), 1)
     }
 
@@ -42,62 +42,71 @@ def matlab(content: dict[str, Any]) -> Callable[[Path], None]:
     return lambda path: scipy.io.savemat(path, content, oned_as="column")
 
 
-def mat_files() -> Iterator[Case]:
-    """Make what MATLAB, Simulink and dSPACE save."""
-    n = count(1300)
+def stacked(vectors: dict[str, np.ndarray], first: int = 0) -> np.ndarray:
+    """Return vectors as columns, from one of them on."""
+    return np.column_stack(list(vectors.values())[first:])
 
-    def sheet_and_vectors() -> tuple[Sheet, dict[str, np.ndarray]]:
-        sheet = made(next(n), HEADS, KEYS)
-        return sheet, {column.header: column.numbers for column in sheet.columns}
 
-    def case(name: str, sheet: Sheet, content: dict[str, Any], form: str, first: int = 0) -> Case:
-        columns = dict(list(columns_of(sheet, form).items())[first:])
-        return sheet.case(CAUSE, name, Truth.READ, matlab(content), suffix=".mat", columns=columns)
-
-    sheet, vectors = sheet_and_vectors()
-    yield case("prova of an Italian bench", sheet, {"prova": {"operatore": "Neri", **vectors}},
-               "prova.{name} [{unit}]")  # fmt: skip
-    sheet, vectors = sheet_and_vectors()
-    deep = {"bench": {"cfg": {"gain": np.arange(4.0)}, "slow": {"daq": vectors}}}
-    yield case("a struct three levels down", sheet, deep, "bench.slow.daq.{name} [{unit}]")
-    sheet, vectors = sheet_and_vectors()
-    rows = {name: values[None, :] for name, values in vectors.items()}
-    yield case("a struct of rows beside scalars", sheet, {"fs": 0.2, "d": {**rows, "B": 234.5}},
-               "d.{name} [{unit}]")  # fmt: skip
-    sheet, vectors = sheet_and_vectors()
+def scope(vectors: dict[str, np.ndarray]) -> dict[str, Any]:
+    """Return what a scope of Simulink logs."""
     signals = structs(*({"values": values, "label": name, "title": ""}
                         for name, values in list(vectors.items())[1:]))  # fmt: skip
-    scope = {"ScopeData": {"time": vectors["elapsed"], "signals": signals, "blockName": "m/S"}}
-    found = case("a scope of Simulink", sheet, scope, "{name} [{unit}]", 1)
-    found.columns["time_s"] = "ScopeData.time [s]"
-    yield found
-    sheet, vectors = sheet_and_vectors()
-    stack = np.column_stack(list(vectors.values())[1:])
-    found = case("Simulink, one signal of four columns", sheet, {
-        "yout": {"time": vectors["elapsed"], "signals": {"values": stack, "label": ""}},
-    }, "", 5)  # fmt: skip
-    found.columns["time_s"] = "yout.time [s]"
-    found.columns.update({column.channel: f"yout.signals.values(:,{k}) [{unit}]" for k, (
-        column, unit) in enumerate(zip(sheet.columns[1:], UNITS[1:], strict=True), 1)})  # fmt: skip
-    yield found
-    sheet, vectors = sheet_and_vectors()
+    return {"ScopeData": {"time": vectors["elapsed"], "signals": signals, "blockName": "m/S"}}
+
+
+def one_signal(vectors: dict[str, np.ndarray]) -> dict[str, Any]:
+    """Return a signal of four columns with its time."""
+    signals = {"values": stacked(vectors, 1), "label": ""}
+    return {"yout": {"time": vectors["elapsed"], "signals": signals}}
+
+
+def capture(vectors: dict[str, np.ndarray]) -> dict[str, Any]:
+    """Return what ControlDesk captures."""
     axes = [
         {"Name": f'"{name}"' if not k else name, "Data": values, "Unit": unit}
         for k, ((name, values), unit) in enumerate(zip(vectors.items(), UNITS, strict=True))
     ]
-    recorded = {"rec_004": {"X": axes[0], "Y": structs(*axes[1:]), "Capture": "CLOCK"}}
-    yield case("a capture of ControlDesk", sheet, recorded, "{name}", 1)
-    sheet, vectors = sheet_and_vectors()
-    yield case("a matrix of N rows", sheet, {"M": np.column_stack(list(vectors.values()))},
-               "M(:,{k}) [{unit}]")  # fmt: skip
-    sheet, vectors = sheet_and_vectors()
-    yield case("a matrix of N columns", sheet, {"log": np.vstack(list(vectors.values()))},
-               "log({k},:) [{unit}]")  # fmt: skip
-    sheet, vectors = sheet_and_vectors()
-    cell = np.empty(5, dtype=object)
+    return {"rec_004": {"X": axes[0], "Y": structs(*axes[1:]), "Capture": "CLOCK"}}
+
+
+def cell(vectors: dict[str, np.ndarray]) -> dict[str, Any]:
+    """Return a cell of vectors."""
+    made = np.empty(5, dtype=object)
     for k, values in enumerate(vectors.values()):
-        cell[k] = values
-    yield case("a cell of vectors", sheet, {"sig": cell}, "sig({k}) [{unit}]")
+        made[k] = values
+    return {"sig": made}
+
+
+MAT: tuple[tuple[str, Callable[[dict[str, np.ndarray]], dict[str, Any]], str, str | None], ...] = (
+    ("prova of an Italian bench", lambda v: {"prova": {"operatore": "Neri", **v}},
+     "prova.{name} [{unit}]", None),
+    ("a struct three levels down",
+     lambda v: {"bench": {"cfg": {"gain": np.arange(4.0)}, "slow": {"daq": v}}},
+     "bench.slow.daq.{name} [{unit}]", None),
+    ("a struct of rows beside scalars", lambda v: {"fs": 0.2, "d": {
+        **{name: values[None, :] for name, values in v.items()}, "B": 234.5}},
+     "d.{name} [{unit}]", None),
+    ("a scope of Simulink", scope, "{name} [{unit}]", "ScopeData.time [s]"),
+    ("Simulink, one signal of four columns", one_signal, "yout.signals.values(:,{k0}) [{unit}]",
+     "yout.time [s]"),
+    ("a capture of ControlDesk", capture, "{name}", ""),
+    ("a matrix of N rows", lambda v: {"M": stacked(v)}, "M(:,{k}) [{unit}]", None),
+    ("a matrix of N columns", lambda v: {"log": stacked(v).T}, "log({k},:) [{unit}]", None),
+    ("a cell of vectors", cell, "sig({k}) [{unit}]", None),
+)  # fmt: skip
+"""Name, content of the vectors, form of `[columns]`, and that of the time where it is another."""
+
+
+def mat_files() -> Iterator[Case]:
+    """Make what MATLAB, Simulink and dSPACE save."""
+    for number, (name, content, form, time) in enumerate(MAT, 1300):
+        sheet = made(number, HEADS, KEYS)
+        columns = columns_of(sheet, form)
+        if time is not None:
+            del columns["time_s"]
+            columns |= {"time_s": time} if time else {}
+        written = matlab(content({column.header: column.numbers for column in sheet.columns}))
+        yield sheet.case(CAUSE, name, Truth.READ, written, suffix=".mat", columns=columns)
 
 
 def hdf_files() -> Iterator[Case]:
@@ -188,7 +197,4 @@ def frames() -> Iterator[Case]:
                          subject="raw bus frames")  # fmt: skip
 
 
-def container_files() -> Iterator[Case]:
-    """Make all of them."""
-    for source in (mat_files, hdf_files, frames):
-        yield from source()
+SOURCES = (mat_files, hdf_files, frames)

@@ -268,7 +268,4 @@ def restarts() -> Iterator[Case]:
         yield sheet.case(cause, name, READ, replace(layout, rows=rows), columns=mapped(sheet))
 
 
-def text_files() -> Iterator[Case]:
-    """Make all of them."""
-    for source in (headers, signs, encodings, rates, clocks, unit_rows, orders, restarts):
-        yield from source()
+SOURCES = (headers, signs, encodings, rates, clocks, unit_rows, orders, restarts)

@@ -14,6 +14,7 @@ from .units import FIVE
 CLOCK, DATE, EPOCH = "clock format", "dates", "epochs and serial days"
 SUBJECT = r"hh:mm|mm:ss|h:mm|clock|format|back|reads? as|unit|column"
 SEMICOLON = Layout(delimiter=";")
+MORNING = datetime(2024, 5, 17, 9, 58, 20)
 
 
 def clock(form: str, start_s: float = 0.0) -> Callable[[float], str]:
@@ -50,7 +51,7 @@ def clocked(
 
 def moment(
     number: int, header: str, write: Callable[[datetime], str], *,
-    start: datetime = datetime(2024, 5, 17, 9, 58, 20), step_s: float = 1.0, rows: int = 300,
+    start: datetime = MORNING, step_s: float = 1.0, rows: int = 300,
     channels: tuple[str, ...] = FIVE,
 ) -> Sheet:  # fmt: skip
     """Return a heat run whose time is written by a function of the moment."""
@@ -145,15 +146,12 @@ def clocks() -> Iterator[Case]:
         made = clocked(gentle, header, form, start_s=start, step_s=step)
         yield made.case(CLOCK, name, Truth.ASK, subject=SUBJECT)
     made = clocked(3, "Time", "{h:02}:{m:02}:{s:02}", start_s=36000, step_s=0.5, written_s=1.0)
-    twice = dict(made.tolerance, time_s=1e-4)
-    made = Sheet(made.number, made.columns, made.truth, twice)
-    yield made.case(
-        CLOCK, "2 Hz on a clock of seconds", Truth.ASK, subject="repeat|twice|same|duplicate|equal"
-    )
+    made.tolerance["time_s"] = 1e-4
+    yield made.case(CLOCK, "2 Hz on a clock of seconds", Truth.ASK,
+                    subject="repeat|twice|same|duplicate|equal")  # fmt: skip
     made = clocked(4, "Zeit bei Prüfung", "{H:02}:{m:02}", step_s=60)
-    yield made.case(
-        CLOCK, "format in [columns]", Truth.READ, columns={"time_s": "Zeit bei Prüfung [hh:mm]"}
-    )
+    said = {"time_s": "Zeit bei Prüfung [hh:mm]"}
+    yield made.case(CLOCK, "format in [columns]", Truth.READ, columns=said)
 
 
 def strftime(form: str) -> Callable[[datetime], str]:
@@ -196,22 +194,21 @@ def dates() -> Iterator[Case]:
     # One file may be read both ways until the date changes; then a month would have passed.
     for number, form in enumerate(("%d/%m/%Y %H:%M:%S", "%m/%d/%Y %H:%M:%S", "%d-%m-%y %H:%M:%S")):
         made = moment(number, "Time", strftime(form), start=EARLY, step_s=2.0)
-        yield made.case(
-            DATE, f"open order over midnight, {form[:8]}", Truth.ASK, subject="time|date"
-        )
+        name = f"open order over midnight, {form[:8]}"
+        yield made.case(DATE, name, Truth.ASK, subject="time|date")
     for number, form in enumerate(("%d/%m/%Y %H:%M:%S", "%m/%d/%Y %H:%M:%S", "%d.%m.%Y %H:%M")):
         start = datetime(2024, 4, 3, 9, 0, 0)
         made = moment(number, "Time", strftime(form), start=start, step_s=60.0, rows=200)
         yield made.case(DATE, f"open order within a day, {form[:8]}", Truth.PLAIN)
-    split = strftime("%Y-%m-%d,%H:%M:%S")
-    made = moment(5, "Date,Time", split, start=LATE, step_s=2.0)
-    yield made.case(DATE, "date and time in two columns", Truth.READ, subject=SUBJECT)
-    made = moment(6, "Datum;Zeit", strftime("%d.%m.%Y;%H:%M:%S"), start=LATE, step_s=2.0)
-    yield made.case(DATE, "Datum and Zeit in two columns", Truth.READ, SEMICOLON, subject=SUBJECT)
-    made = moment(7, "Time,Date", strftime("%H:%M:%S,%m/%d/%Y"), start=LATE, step_s=2.0)
-    yield made.case(DATE, "time before date", Truth.READ, subject=SUBJECT)
-    made = moment(0, "Date,Time", split, step_s=2.0)
-    yield made.case(DATE, "date and time within a day", Truth.READ, subject=SUBJECT)
+    split = "%Y-%m-%d,%H:%M:%S"
+    for name, number, header, form, start, layout in (
+        ("date and time in two columns", 5, "Date,Time", split, LATE, None),
+        ("Datum and Zeit in two columns", 6, "Datum;Zeit", "%d.%m.%Y;%H:%M:%S", LATE, SEMICOLON),
+        ("time before date", 7, "Time,Date", "%H:%M:%S,%m/%d/%Y", LATE, None),
+        ("date and time within a day", 0, "Date,Time", split, MORNING, None),
+    ):
+        made = moment(number, header, strftime(form), start=start, step_s=2.0)
+        yield made.case(DATE, name, Truth.READ, layout, subject=SUBJECT)
     summer = timezone(timedelta(hours=2))
     shift = datetime(2024, 10, 27, 0, 55, 0, tzinfo=UTC)
 
@@ -221,28 +218,24 @@ def dates() -> Iterator[Case]:
 
     made = moment(1, "time", lambda when: local(when).isoformat(), start=shift, step_s=2.0)
     yield made.case(DATE, "clocks put back, with zones", Truth.READ, subject=SUBJECT)
-    made = moment(
-        2, "time", lambda when: local(when).strftime("%Y-%m-%d %H:%M:%S"), start=shift, step_s=2.0
-    )
+    bare = strftime("%Y-%m-%d %H:%M:%S")
+    made = moment(2, "time", lambda when: bare(local(when)), start=shift, step_s=2.0)
     yield made.case(DATE, "clocks put back, without zones", Truth.ASK, subject="time|clock|back")
-    made = moment(
-        3, "time", lambda when: when.strftime("%H:%M:%S %d.%m.%Y"), start=LATE, step_s=2.0
-    )
+    made = moment(3, "time", strftime("%H:%M:%S %d.%m.%Y"), start=LATE, step_s=2.0)
     yield made.case(DATE, "time before the date in one cell", Truth.ASK, SEMICOLON, subject=SUBJECT)
 
 
 def counted(
     number: int, header: str, start: float, factor: float, decimals: int, *, step_s: float = 2.0,
-    columns: dict[str, str] | None = None, rows: int = 300,
-) -> tuple[Sheet, dict[str, dict[str, str]]]:  # fmt: skip
+    rows: int = 300,
+) -> Sheet:  # fmt: skip
     """Return a heat run whose time counts from an epoch: start + seconds * factor."""
-    made = sheet(
+    return sheet(
         number, rows=rows, step_s=step_s, headers={"time_s": header},
         cells={"time_s": lambda time_s: f"{start + time_s * factor:.{decimals}f}"},
         # Two roundings of the cell, and the last bit of a number of that size.
         written_s=(0.51 * 10.0**-decimals + 2 * np.spacing(start)) / factor,
     )  # fmt: skip
-    return made, {"columns": columns} if columns else {}
 
 
 UNIX, LABVIEW, EXCEL, DATENUM = 1715940000.0, 3798784800.0, 45429.41666667, 739388.41666667
@@ -251,6 +244,7 @@ UNIX, LABVIEW, EXCEL, DATENUM = 1715940000.0, 3798784800.0, 45429.41666667, 7393
 def epochs() -> Iterator[Case]:
     """Numbers that count from an epoch, in seconds, milliseconds or days."""
     day = 1 / 86400
+    doubt = r"unit|factor|days|millisec|microsec|nanosec|\[(ms|us|ns|d)\]|epoch"
     for number, (name, truth, header, start, factor, decimals) in enumerate((
         ("Unix time", Truth.PLAIN, "timestamp", UNIX, 1, 0),
         ("Unix time with decimals", Truth.PLAIN, "time", UNIX, 1, 3),
@@ -274,15 +268,8 @@ def epochs() -> Iterator[Case]:
         ("part of a day [d]", Truth.READ, "Time [d]", 0.41666667, day, 8),
         ("Julian day", Truth.ASK, "time", 2460447.91666667, day, 8),
     )):  # fmt: skip
-        made, more = counted(number, header, start, factor, decimals)
-        yield made.case(
-            EPOCH,
-            name,
-            truth,
-            subject=r"unit|factor|days|millisec|microsec|nanosec|\[(ms|us|ns|d)\]|epoch",
-            **more,
-        )
-    made, more = counted(
-        3, "Zeitstempel", UNIX * 1e3, 1e3, 0, columns={"time_s": "Zeitstempel [ms]"}
-    )
-    yield made.case(EPOCH, "unit in [columns]", Truth.READ, **more)
+        made = counted(number, header, start, factor, decimals)
+        yield made.case(EPOCH, name, truth, subject=doubt)
+    made = counted(3, "Zeitstempel", UNIX * 1e3, 1e3, 0)
+    said = {"time_s": "Zeitstempel [ms]"}
+    yield made.case(EPOCH, "unit in [columns]", Truth.READ, columns=said)

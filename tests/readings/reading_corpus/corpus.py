@@ -4,9 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from itertools import chain
+from types import ModuleType
 
-from .benches_containers import container_files
-from .benches_text import text_files
+from . import (
+    benches_containers,
+    benches_text,
+    unseen_binary,
+    unseen_doubts,
+    unseen_plain,
+    unseen_text,
+    unseen_times,
+)
 from .binaries import hdf_files, other_files, parquet_files
 from .case import Case
 from .clocks import clocks, dates, epochs
@@ -17,16 +25,17 @@ from .numbers_text import marks, writings
 from .rows import ends, lost_rows, tables
 from .scales import broken, scales
 from .statements import comments, conflicts, unit_rows
-from .unseen_binary import binary_files
-from .unseen_doubts import doubtful_files
-from .unseen_plain import plain_files
-from .unseen_text import stated_files
-from .unseen_times import number_files
 from .variants import variants
 
-UNSEEN = (plain_files, stated_files, number_files, doubtful_files, binary_files)
+UNSEEN = (unseen_plain, unseen_text, unseen_times, unseen_doubts, unseen_binary)
 """Files that nobody had seen when the readers were written, the check out of sample: they, with
 their truth, were written without a look at the readers or at the other kinds."""
+
+
+def all_of(*modules: ModuleType) -> Callable[[], Iterator[Case]]:
+    """Return what makes the files of modules."""
+    return lambda: chain.from_iterable(source() for one in modules for source in one.SOURCES)
+
 
 SOURCES: dict[str, Callable[[], Iterator[Case]]] = {
     "loggers": loggers,
@@ -51,9 +60,9 @@ SOURCES: dict[str, Callable[[], Iterator[Case]]] = {
     "scales": scales,
     "broken": broken,
     "variants": variants,
-    "unseen": lambda: chain.from_iterable(source() for source in UNSEEN),
-    "containers of benches": container_files,
-    "text of benches": text_files,
+    "unseen": all_of(*UNSEEN),
+    "containers of benches": all_of(benches_containers),
+    "text of benches": all_of(benches_text),
 }
 """What makes the files of a kind; nothing uses chance that is not seeded."""
 

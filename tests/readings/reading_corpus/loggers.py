@@ -11,25 +11,66 @@ from .case import Case, Truth
 from .clocks import clock, moment
 from .layouts import chosen
 from .numbers_text import comma
-from .table import Layout, sheet
+from .table import STEMS, THESIS, Layout, sheet
 from .units import DRIVE, FIVE, SEVEN
 
 PLAIN = "plain files of loggers"
+COMMA = {"imc FAMOS", "HBM catman", "HBM catman, time in [columns]", "CANape"}
+"""Whose numbers have a decimal comma."""
+
+FOREIGN: tuple[tuple[str, str, dict[str, str], Layout], ...] = (
+    ("HIOKI LR8450", "Time[s]|CH1[A]|CH2[W]|CH3[°C]|CH4[°C]", {}, Layout(before=(
+        '"HIOKI LR8450"', '"Ver","1.10"', '"Title comment",""',
+        '"Trigger time","24-05-17 10:00:00"', ""))),
+    ("Yokogawa WT", "Elapsed Time [s]|Irms-1 [A]|Loss [kW]|AUX1 [degC]|AUX2 [degC]",
+     {"losses_W": "kW"}, Layout(before=("WT1800E", "Update Rate,2 s", ""))),
+    ("Yokogawa, units row", "Time|CH001|CH002|CH003|CH004", {},
+     Layout(before=("Model Name,GM10",), below=(("s", "A", "W", "C", "C"),))),
+    ("Dewesoft", "Time (s)|I_rms (A)|P_loss (W)|T_amb (°C)|T_wdg (°C)", {}, Layout("\t", before=(
+        "File name: Test_0001.dxd", "Sample rate: 0.5", "Store date: 5/17/2024", ""))),
+    ("imc FAMOS", "Zeit [s]|I_eff [A]|P_v [W]|T_U [°C]|T_W [°C]", {},
+     Layout(";", "cp1252", "\r\n")),
+    ("HBM catman", "Zeit [s]|Strom [A]|Verlustleistung [W]|Pt100_1 [°C]|Pt100_2 [°C]", {},
+     Layout("\t", "cp1252", before=("HBM_CATMAN_DATAFILE_40", ""))),
+    ("HBM catman, time in [columns]",
+     "|Strom [A]|Verlustleistung [W]|Pt100_1 [°C]|Pt100_2 [°C]", {}, Layout("\t", "cp1252")),
+    ("Fluke Hydra", "Time (s)|||Chan 2 (C)|Chan 1 (C)", {}, Layout()),
+    ("PicoLog", '"Time (s)"|||Air Ave. (°C)|Winding Ave. (°C)', {}, Layout()),
+    ("Agilent BenchLink", "Time (s)|||102 <Air> (C)|101 <Winding> (C)", {}, Layout(before=(
+        "Name:,Config1", "Owner:,lab", "Acquisition Date:,5/17/2024 10:00:00 AM", ""))),
+    ("Graphtec", "Time [s]|||CH2 [degC]|CH1 [degC]", {}, Layout(before=(
+        "Vendor,GRAPHTEC Corporation", "Model,GL840", "Sampling interval,2s"))),
+    ("Keysight DAQ970A", "Time [s]|||T_a [C]|101 (VDC) T_w [C]", {}, Layout()),
+    ("MATLAB writetable", "time_s||P_v_kW||T_w_degC", {"losses_W": "kW"}, Layout()),
+    ("LabVIEW write to spreadsheet", "Time [s]||||Winding [degC]", {},
+     Layout("\t", newline="\r\n")),
+    ("INCA", "time [s]||PLoss\\ETKC:1 [W]||TWdg\\ETKC:1 [degC]", {}, Layout(";")),
+    ("CANape", "t[s]||Inv.P_Loss[kW]||Inv.T_Wdg[°C]", {"losses_W": "kW"}, Layout(";")),
+    ("kelvin and mA", "time [s]|I [mA]|||TW [K]", {"winding_degC": "K", "phase_current_A": "mA"},
+     Layout()),
+    ("drive in foreign units", "Time [ms]||Loss [mW]|||Omega [rad/s]|Torque [mNm]",
+     {"time_s": "ms", "speed_rpm": "rad/s", "torque_Nm": "mNm", "losses_W": "mW"}, Layout()),
+    ("names with figures and units of others", "||P_12V_supply [W]||T_20kW_bench [degC]", {},
+     Layout()),
+    ("names that end in letters of units", "|I_W [A]|loss_A [W]|T_C2 [degC]|temp_K1 [degC]", {},
+     Layout()),
+    ("phases U V W in the names", "|I_V|P_U||T_W", {}, Layout()),
+    ("slot numbers in the names",
+     "|I phase mean (3 phases)|P loss total (calc.)||T winding slot 12 (DE)", {}, Layout()),
+    ("sensor types in the names", "|||T_a (type K)|T_w (PT100)", {}, Layout()),
+)  # fmt: skip
+"""Name, heads (those that are left out are canonical), units and layout."""
 
 
 def loggers() -> Iterator[Case]:
     """Plain good files as loggers write them; none of them deserves a question."""
     number = 0
-    thesis = {"time_s": "t", "phase_current_A": "Is", "losses_W": "Pd", "ambient_degC": "Te",
-              "winding_degC": "Tw_m"}  # fmt: skip
-    stems = {"time_s": "time", "phase_current_A": "phase_current", "losses_W": "losses",
-             "ambient_degC": "ambient", "winding_degC": "winding"}  # fmt: skip
     for step, rows in ((0.1, 1500), (0.5, 800), (1.0, 900), (2.0, 400), (5.0, 300), (10.0, 250)):
         for name, headers, channels in (
             ("canonical names", {}, FIVE),
             ("canonical names with a drive", {}, DRIVE),
-            ("names of the thesis", thesis, FIVE),
-            ("stems", stems, FIVE),
+            ("names of the thesis", THESIS, FIVE),
+            ("stems", STEMS, FIVE),
         ):
             # A record of less than some minutes says too little of the machine to be judged.
             made = sheet(number, rows=rows, step_s=step, headers=headers, channels=channels)
@@ -47,147 +88,14 @@ def loggers() -> Iterator[Case]:
     made = sheet(3, rows=500, step_s=2, decimals=dict.fromkeys(SEVEN, 0), channels=SEVEN)
     yield made.case(PLAIN, "integers alone", Truth.PLAIN)
 
-    def foreign(name, headers, layout, units=None, more=None, decimal_comma=False, channels=FIVE):
-        nonlocal number
+    for name, heads, units, layout in FOREIGN:
         number += 1
-        made = sheet(
-            number, rows=300, headers=headers, units=units, channels=channels, **(more or {})
-        )
-        if decimal_comma:
+        channels = SEVEN if heads.count("|") > 4 else FIVE
+        headers = {c: head for c, head in zip(channels, heads.split("|"), strict=True) if head}
+        made = sheet(number, rows=300, headers=headers, units=units, channels=channels)
+        if name in COMMA:
             made = made.with_cells("*", comma)
-        return made.case(
-            PLAIN, name, Truth.READ, layout, columns=chosen(headers) if headers else {}
-        )
-
-    yield foreign(
-        "HIOKI LR8450",
-        {"time_s": "Time[s]", "phase_current_A": "CH1[A]", "losses_W": "CH2[W]",
-         "ambient_degC": "CH3[°C]", "winding_degC": "CH4[°C]"},
-        Layout(before=('"HIOKI LR8450"', '"Ver","1.10"', '"Title comment",""',
-                       '"Trigger time","24-05-17 10:00:00"', "")),
-    )  # fmt: skip
-    yield foreign(
-        "Yokogawa WT",
-        {"time_s": "Elapsed Time [s]", "phase_current_A": "Irms-1 [A]", "losses_W": "Loss [kW]",
-         "ambient_degC": "AUX1 [degC]", "winding_degC": "AUX2 [degC]"},
-        Layout(before=("WT1800E", "Update Rate,2 s", "")), {"losses_W": "kW"},
-    )  # fmt: skip
-    yield foreign(
-        "Yokogawa, units row",
-        {"time_s": "Time", "phase_current_A": "CH001", "losses_W": "CH002",
-         "ambient_degC": "CH003", "winding_degC": "CH004"},
-        Layout(before=("Model Name,GM10",), below=(("s", "A", "W", "C", "C"),)),
-    )  # fmt: skip
-    yield foreign(
-        "Dewesoft",
-        {"time_s": "Time (s)", "phase_current_A": "I_rms (A)", "losses_W": "P_loss (W)",
-         "ambient_degC": "T_amb (°C)", "winding_degC": "T_wdg (°C)"},
-        Layout(delimiter="\t", before=("File name: Test_0001.dxd", "Sample rate: 0.5",
-                                       "Store date: 5/17/2024", "")),
-    )  # fmt: skip
-    yield foreign(
-        "imc FAMOS",
-        {"time_s": "Zeit [s]", "phase_current_A": "I_eff [A]", "losses_W": "P_v [W]",
-         "ambient_degC": "T_U [°C]", "winding_degC": "T_W [°C]"},
-        Layout(delimiter=";", encoding="cp1252", newline="\r\n"), decimal_comma=True,
-    )  # fmt: skip
-    yield foreign(
-        "HBM catman",
-        {"time_s": "Zeit [s]", "phase_current_A": "Strom [A]",
-         "losses_W": "Verlustleistung [W]", "ambient_degC": "Pt100_1 [°C]",
-         "winding_degC": "Pt100_2 [°C]"},
-        Layout(delimiter="\t", encoding="cp1252", before=("HBM_CATMAN_DATAFILE_40", "")),
-        decimal_comma=True, more=None,
-    )  # fmt: skip
-    yield foreign(
-        "HBM catman, time in [columns]",
-        {"phase_current_A": "Strom [A]", "losses_W": "Verlustleistung [W]",
-         "ambient_degC": "Pt100_1 [°C]", "winding_degC": "Pt100_2 [°C]"},
-        Layout(delimiter="\t", encoding="cp1252"), decimal_comma=True,
-    )  # fmt: skip
-    yield foreign(
-        "Fluke Hydra", {"time_s": "Time (s)", "winding_degC": "Chan 1 (C)",
-                        "ambient_degC": "Chan 2 (C)"}, Layout(),
-    )  # fmt: skip
-    yield foreign(
-        "PicoLog", {"time_s": '"Time (s)"', "winding_degC": "Winding Ave. (°C)",
-                    "ambient_degC": "Air Ave. (°C)"}, Layout(),
-    )  # fmt: skip
-    yield foreign(
-        "Agilent BenchLink",
-        {
-            "time_s": "Time (s)",
-            "winding_degC": "101 <Winding> (C)",
-            "ambient_degC": "102 <Air> (C)",
-        },
-        Layout(
-            before=("Name:,Config1", "Owner:,lab", "Acquisition Date:,5/17/2024 10:00:00 AM", "")
-        ),
-    )
-    yield foreign(
-        "Graphtec", {"time_s": "Time [s]", "winding_degC": "CH1 [degC]",
-                     "ambient_degC": "CH2 [degC]"},
-        Layout(before=("Vendor,GRAPHTEC Corporation", "Model,GL840", "Sampling interval,2s")),
-    )  # fmt: skip
-    yield foreign(
-        "Keysight DAQ970A", {"time_s": "Time [s]", "winding_degC": "101 (VDC) T_w [C]",
-                             "ambient_degC": "T_a [C]"}, Layout(),
-    )  # fmt: skip
-    yield foreign(
-        "MATLAB writetable", {"time_s": "time_s", "winding_degC": "T_w_degC",
-                              "losses_W": "P_v_kW"}, Layout(), {"losses_W": "kW"},
-    )  # fmt: skip
-    yield foreign(
-        "LabVIEW write to spreadsheet", {"time_s": "Time [s]", "winding_degC": "Winding [degC]"},
-        Layout(delimiter="\t", newline="\r\n"),
-    )  # fmt: skip
-    yield foreign(
-        "INCA", {"time_s": "time [s]", "winding_degC": "TWdg\\ETKC:1 [degC]",
-                 "losses_W": "PLoss\\ETKC:1 [W]"}, Layout(delimiter=";"),
-    )  # fmt: skip
-    yield foreign(
-        "CANape", {"time_s": "t[s]", "winding_degC": "Inv.T_Wdg[°C]", "losses_W": "Inv.P_Loss[kW]"},
-        Layout(delimiter=";"), {"losses_W": "kW"}, decimal_comma=True,
-    )  # fmt: skip
-    yield foreign(
-        "kelvin and mA", {"time_s": "time [s]", "winding_degC": "TW [K]",
-                          "phase_current_A": "I [mA]"}, Layout(),
-        {"winding_degC": "K", "phase_current_A": "mA"},
-    )  # fmt: skip
-    yield foreign(
-        "drive in foreign units",
-        {
-            "time_s": "Time [ms]",
-            "speed_rpm": "Omega [rad/s]",
-            "torque_Nm": "Torque [mNm]",
-            "losses_W": "Loss [mW]",
-        },
-        Layout(),
-        {"time_s": "ms", "speed_rpm": "rad/s", "torque_Nm": "mNm", "losses_W": "mW"},
-        channels=SEVEN,
-    )
-    yield foreign(
-        "names with figures and units of others",
-        {"winding_degC": "T_20kW_bench [degC]", "losses_W": "P_12V_supply [W]"}, Layout(),
-    )  # fmt: skip
-    yield foreign(
-        "names that end in letters of units",
-        {"winding_degC": "temp_K1 [degC]", "losses_W": "loss_A [W]", "phase_current_A": "I_W [A]",
-         "ambient_degC": "T_C2 [degC]"}, Layout(),
-    )  # fmt: skip
-    yield foreign(
-        "phases U V W in the names",
-        {"phase_current_A": "I_V", "losses_W": "P_U", "winding_degC": "T_W"}, Layout(),
-    )  # fmt: skip
-    yield foreign(
-        "slot numbers in the names",
-        {"winding_degC": "T winding slot 12 (DE)", "losses_W": "P loss total (calc.)",
-         "phase_current_A": "I phase mean (3 phases)"}, Layout(),
-    )  # fmt: skip
-    yield foreign(
-        "sensor types in the names",
-        {"winding_degC": "T_w (PT100)", "ambient_degC": "T_a (type K)"}, Layout(),
-    )  # fmt: skip
+        yield made.case(PLAIN, name, Truth.READ, layout, columns=chosen(headers))
     for name, header, write in (
         ("clock", "Time", "%H:%M:%S"),
         ("ISO dates", "timestamp", "%Y-%m-%d %H:%M:%S"),

@@ -40,18 +40,11 @@ class Machine:
 
     def motor_file(self, columns: dict[str, str], *, resistance: bool = True) -> str:
         """Return the motor file with these `[columns]`, with or without the phase resistance."""
-        lines = [
-            "[motor]",
-            f'name = "{self.name}"',
-            'losses = "balance"',
-            "[winding]",
-            'material = "copper"',
-        ]
+        lines = ["[motor]", f'name = "{self.name}"', 'losses = "balance"', "[winding]",
+                 'material = "copper"']  # fmt: skip
         if resistance:
-            lines += [
-                f"phase_resistance_ohm = {self.resistance_ohm}",
-                "reference_temperature_degC = 25.0",
-            ]
+            lines += [f"phase_resistance_ohm = {self.resistance_ohm}",
+                      "reference_temperature_degC = 25.0"]  # fmt: skip
         if columns:
             lines += ["[columns]", *(f"{key} = {quoted(text)}" for key, text in columns.items())]
         return "\n".join(lines) + "\n"

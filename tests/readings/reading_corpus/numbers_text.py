@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from .case import Case, Truth
-from .table import Column, Layout, Sheet, sheet
+from .table import Layout, Sheet, sheet
 from .units import FIVE, SEVEN
 
 MARKS, WRITTEN = "marks for no value", "writing of numbers"
@@ -88,51 +88,38 @@ def writings() -> Iterator[Case]:
     # Integers alone: 4.500 may be four and a half.
     for number, mark in enumerate(".,"):
         for unit in ("W", "kW", "mW"):
-            place = 3 if unit == "W" else number
-            decimals = {"losses_W": 3} if unit == "kW" else {}
             if unit == "kW":
-                made = sheet(
-                    place, rows=240, units={"losses_W": "kW"},
-                    decimals={**dict.fromkeys(FIVE, 0), **decimals},
-                )  # fmt: skip
+                made = sheet(number, rows=240, units={"losses_W": "kW"},
+                             decimals={**dict.fromkeys(FIVE, 0), "losses_W": 3})  # fmt: skip
                 made = made.with_cells("losses_W", lambda cell, mark=mark: cell.replace(".", mark))
             else:
-                made = whole(place, mark, units={"losses_W": unit})
-            yield made.case(
-                cause, f"integers beside 4{mark}500, truth in {unit}", ASK, SEMICOLON,
-                subject="thousand|decimal|comma|point|digits",
-            )  # fmt: skip
-            plain = made.headed({"losses_W": "losses"})
-            yield plain.case(
-                cause, f"integers beside 4{mark}500, no unit, truth in {unit}", ASK, SEMICOLON,
-                subject="thousand|decimal|comma|point|digits|unit|factor",
+                made = whole(3 if unit == "W" else number, mark, units={"losses_W": unit})
+            said, doubt = f"integers beside 4{mark}500", "thousand|decimal|comma|point|digits"
+            yield made.case(cause, f"{said}, truth in {unit}", ASK, SEMICOLON, subject=doubt)
+            yield made.headed({"losses_W": "losses"}).case(
+                cause, f"{said}, no unit, truth in {unit}", ASK, SEMICOLON,
+                subject=f"{doubt}|unit|factor",
             )  # fmt: skip
     made = whole(3, ".", units={"losses_W": "mW"}).with_cells("winding_degC", lambda c: c + ",0")
     yield made.case(cause, "4.500 beside a decimal comma in one other column", READ, SEMICOLON)
     made = whole(3, ",", units={"losses_W": "mW"}).with_cells("winding_degC", lambda c: c + ".0")
     yield made.case(cause, "4,500 beside a decimal point in one other column", READ, SEMICOLON)
-    for number, (name, change) in enumerate(
-        (
-            ("exponent", lambda cell: f"{float(cell):.9e}"),
-            ("exponent, upper case", lambda cell: f"{float(cell):.9E}"),
-            (
-                "exponent, three digits",
-                lambda cell: f"{float(cell):.9E}".replace("E+", "E+0").replace("E-", "E-0"),
-            ),
-            ("exponent of Fortran", lambda cell: f"{float(cell):.9E}".replace("E", "D")),
-            ("plus signs", lambda cell: f"+{cell}"),
-            ("padded in front", lambda cell: f"{cell:>14}"),
-            ("padded behind", lambda cell: f"{cell:<14}"),
-            ("no-break space in front", lambda cell: NBSP + cell),
-            ("leading zeros", lambda cell: f"{float(cell):015.6f}"),
-            ("no zero in front of the point", lambda cell: cell.removeprefix("0") or "0"),
-            ("point at the end", lambda cell: cell if "." in cell else cell + "."),
-            ("quoted", lambda cell: f'"{cell}"'),
-            ("quoted and padded", lambda cell: f'" {cell} "'),
-            ("Excel text formula", lambda cell: f'="{cell}"'),
-            ("apostrophe in front", lambda cell: f"'{cell}"),
-        )
-    ):
+    for number, (name, change) in enumerate((
+        ("exponent", lambda cell: f"{float(cell):.9e}"),
+        ("exponent, upper case", lambda cell: f"{float(cell):.9E}"),
+        ("exponent, three digits",
+         lambda cell: f"{float(cell):.9E}".replace("E+", "E+0").replace("E-", "E-0")),
+        ("exponent of Fortran", lambda cell: f"{float(cell):.9E}".replace("E", "D")),
+        ("plus signs", lambda cell: f"+{cell}"), ("padded in front", lambda cell: f"{cell:>14}"),
+        ("padded behind", lambda cell: f"{cell:<14}"),
+        ("no-break space in front", lambda cell: NBSP + cell),
+        ("leading zeros", lambda cell: f"{float(cell):015.6f}"),
+        ("no zero in front of the point", lambda cell: cell.removeprefix("0") or "0"),
+        ("point at the end", lambda cell: cell if "." in cell else cell + "."),
+        ("quoted", lambda cell: f'"{cell}"'), ("quoted and padded", lambda cell: f'" {cell} "'),
+        ("Excel text formula", lambda cell: f'="{cell}"'),
+        ("apostrophe in front", lambda cell: f"'{cell}"),
+    )):  # fmt: skip
         made = sheet(number, rows=240).with_cells("*", change)
         odd = name in ("exponent of Fortran", "Excel text formula", "apostrophe in front")
         yield made.case(cause, name, ASK if odd else READ, subject="number|value|column")
@@ -175,17 +162,14 @@ def writings() -> Iterator[Case]:
 
 def marked(made: Sheet, channel: str, text: str, where: slice | list[int]) -> Sheet:
     """Return the same with some cells of a channel replaced by a mark, and NaN in the truth."""
-    truth = dict(made.truth)
-    truth[channel] = truth[channel].copy()
-    truth[channel][where] = np.nan
-    columns = []
-    for column in made.columns:
-        if column.channel == channel:
-            cells = np.array(column.cells, dtype=object)
-            cells[where] = text
-            column = Column(channel, column.header, tuple(cells), column.numbers, column.unit)
-        columns.append(column)
-    return replace(made, columns=tuple(columns), truth=truth)
+    truth = made.truth[channel].copy()
+    truth[where] = np.nan
+    cells = np.array(next(c.cells for c in made.columns if c.channel == channel), dtype=object)
+    cells[where] = text
+    columns = tuple(
+        replace(c, cells=tuple(cells)) if c.channel == channel else c for c in made.columns
+    )
+    return replace(made, columns=columns, truth={**made.truth, channel: truth})
 
 
 def marks() -> Iterator[Case]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from .units import FIVE
 ROWS, FILES = "rows", "more than one table"
 LOST = frozenset({"nan_block", "time_gap"})
 LINES = r"missing|no text|gap|closes? up|\btime (column|base|axis|goes|shift)|back|rate"
+TWICE = "twice|both|duplicate|several|2 columns|more than one"
 BYTES = r"0x|byte|character|no number|no text"
 PLACES = [30, 31, 32, 90, 150, 151]
 
@@ -41,13 +43,21 @@ def added(text: Callable[[str], str], places: list[int]) -> Callable[[list[str]]
     ]  # fmt: skip
 
 
-def timeless(number: int, delimiter: str) -> tuple[Sheet, dict[str, str]]:
+RATE = {"time_s": "rate 1 Hz"}
+"""`[columns]` of a file without a time column."""
+
+
+def timeless(number: int) -> Sheet:
     """Return a heat run without a time column, at a rate of 1 Hz."""
     made = sheet(number, rows=200, step_s=1.0)
-    return Sheet(
-        made.number, tuple(c for c in made.columns if c.channel != "time_s"), made.truth,
-        {**made.tolerance, "time_s": 1e-6},
-    ), {"time_s": "rate 1 Hz"}  # fmt: skip
+    columns = tuple(c for c in made.columns if c.channel != "time_s")
+    return replace(made, columns=columns, tolerance={**made.tolerance, "time_s": 1e-6})
+
+
+def asked(name: str, made: Sheet, layout: Layout, lost: list[int], **more) -> Case:
+    """Return the case of a file that has lost some samples, which the reader must say."""
+    more = {"true_faults": LOST, "subject": LINES, **more}
+    return made.case(ROWS, name, Truth.ASK, layout, channels=without(made.truth, lost), **more)
 
 
 def lost_rows() -> Iterator[Case]:
@@ -74,39 +84,26 @@ def lost_rows() -> Iterator[Case]:
             # A comment between two samples is no sample itself.
             if name == "a comment" or (delimiter == "," and number > 6):
                 continue
-            made, columns = timeless(number, delimiter)
+            made = timeless(number)
             change = replaced(lambda line, text=text, d=delimiter: text(line, d), PLACES)
             # In place, each is a sample that is missing; the time never closes up.
-            yield made.case(
-                ROWS, f"{name}, {delimiter!r}, without a time column", Truth.ASK,
-                Layout(delimiter=delimiter, rows=change), columns=columns,
-                channels=without(made.truth, PLACES), true_faults=LOST, subject=LINES,
-                held=made.truth,
-            )  # fmt: skip
+            yield asked(f"{name}, {delimiter!r}, without a time column", made,
+                        Layout(delimiter, rows=change), PLACES, columns=RATE,
+                        held=made.truth)  # fmt: skip
         made = sheet(number, rows=200, step_s=1.0)
         change = replaced(lambda line, text=text: text(line, ";"), PLACES)
-        yield made.case(
-            ROWS, f"{name}, with a time column", Truth.ASK, Layout(delimiter=";", rows=change),
-            channels=without(made.truth, PLACES), true_faults=LOST, subject=LINES, held=made.truth,
-        )  # fmt: skip
+        yield asked(f"{name}, with a time column", made, Layout(";", rows=change), PLACES,
+                    held=made.truth)  # fmt: skip
     for number, (name, text) in enumerate((
         ("empty cells", ";;;"), ("blank lines", ""), ("spaces", "  "),
     )):  # fmt: skip
-        made, columns = timeless(number, ";")
-        every = replaced(lambda line, text=text: text, list(range(0, 200, 15))[1:])
-        yield made.case(
-            ROWS, f"{name} at every fifteenth sample", Truth.ASK,
-            Layout(delimiter=";", rows=every), columns=columns,
-            channels=without(made.truth, list(range(0, 200, 15))[1:]), true_faults=LOST,
-            subject=LINES,
-        )  # fmt: skip
-        made, _ = timeless(number + 4, ";")
-        every = replaced(lambda line, text=text: text, PLACES)
-        yield made.case(
-            ROWS, f"{name}, rate behind the file name", Truth.ASK,
-            Layout(delimiter=";", rows=every), at="@1Hz",
-            channels=without(made.truth, PLACES), true_faults=LOST, subject=LINES,
-        )  # fmt: skip
+        fifteenth = list(range(15, 200, 15))
+        for label, made, places, more in (
+            (" at every fifteenth sample", timeless(number), fifteenth, {"columns": RATE}),
+            (", rate behind the file name", timeless(number + 4), PLACES, {"at": "@1Hz"}),
+        ):
+            layout = Layout(";", rows=replaced(lambda line, text=text: text, places))
+            yield asked(f"{name}{label}", made, layout, places, **more)
     # Lines that never were samples.
     for number, text in enumerate(("", "# event: load step", ";;;;")):
         made = sheet(number, rows=200, step_s=1.0)
@@ -118,15 +115,11 @@ def lost_rows() -> Iterator[Case]:
     made = sheet(3, rows=200, step_s=1.0)
     double_spaced = Layout(newline="\n\n")
     yield made.case(ROWS, "a blank line behind every line", Truth.READ, double_spaced)
-    made, columns = timeless(4, ",")
-    yield made.case(
-        ROWS, "a blank line behind every line, without a time column", Truth.ASK, double_spaced,
-        columns=columns, subject=LINES,
-    )  # fmt: skip
-    yield made.case(
-        ROWS, "CR CR LF, without a time column", Truth.ASK, Layout(newline="\r\r\n"),
-        columns=columns, subject=LINES,
-    )  # fmt: skip
+    for name, layout in (
+        ("a blank line behind every line", double_spaced), ("CR CR LF", Layout(newline="\r\r\n")),
+    ):  # fmt: skip
+        yield timeless(4).case(ROWS, f"{name}, without a time column", Truth.ASK, layout,
+                               columns=RATE, subject=LINES)  # fmt: skip
 
 
 def ends() -> Iterator[Case]:
@@ -149,11 +142,8 @@ def ends() -> Iterator[Case]:
         if number > 2:
             continue
         change = replaced(lambda line, text=text: f"{text}{line}", places)
-        yield made.case(
-            ROWS, f"{name}, in front of a line", Truth.ASK, Layout(rows=change),
-            channels=without(made.truth, places), true_faults=LOST,
-            subject=BYTES, held=made.truth,
-        )  # fmt: skip
+        yield asked(f"{name}, in front of a line", made, Layout(rows=change), places,
+                    subject=BYTES, held=made.truth)  # fmt: skip
     made = sheet(0, rows=200)
     yield made.case(ROWS, "0x1A at the end, as DOS wrote it", Truth.READ, made.text() + b"\x1a")
     for number, lines in enumerate((
@@ -172,12 +162,11 @@ def ends() -> Iterator[Case]:
             true_faults=LOST, subject=LINES + "|end|summary|last line",
         )  # fmt: skip
         if lines[0].startswith(("Max", "Average", "Std")):
-            bare, columns = timeless(number, ",")
             text = lines[0].format(**means)
             for name, last in (("a word in front", text), ("no word", text.partition(",")[2])):
-                yield bare.case(
+                yield timeless(number).case(
                     ROWS, f"at the end, no time, {name}: {lines[0]}", Truth.ASK,
-                    Layout(after=("", last)), columns=columns,
+                    Layout(after=("", last)), columns=RATE,
                     subject=LINES + "|end|summary|last line",
                 )  # fmt: skip
 
@@ -230,21 +219,14 @@ def tables() -> Iterator[Case]:
             number, rows=200, channels=(*FIVE, "stator_degC"), headers={"stator_degC": channel}
         )
         truth = {name: made.truth[name] for name in FIVE}
-        yield made.case(
-            FILES, f"two columns {channel}", Truth.CONFLICT, channels=truth,
-            subject="twice|both|duplicate|several|2 columns|more than one",
-        )  # fmt: skip
-        made = sheet(
-            number,
-            rows=200,
-            units={channel: "ms"} if channel == "time_s" else {},
-            channels=(*FIVE, "stator_degC"),
-            headers={channel: "X [ms]" if channel == "time_s" else "X", "stator_degC": "X"},
-        )
-        yield made.case(
-            FILES, f"two columns X, one of them as {channel}", Truth.CONFLICT, channels=truth,
-            columns={channel: "X"}, subject="twice|both|duplicate|several|2 columns|more than one",
-        )  # fmt: skip
+        yield made.case(FILES, f"two columns {channel}", Truth.CONFLICT, channels=truth,
+                        subject=TWICE)  # fmt: skip
+        is_time = channel == "time_s"
+        headers = {channel: "X [ms]" if is_time else "X", "stator_degC": "X"}
+        made = sheet(number, rows=200, units={channel: "ms"} if is_time else {},
+                     channels=(*FIVE, "stator_degC"), headers=headers)  # fmt: skip
+        yield made.case(FILES, f"two columns X, one of them as {channel}", Truth.CONFLICT,
+                        channels=truth, columns={channel: "X"}, subject=TWICE)  # fmt: skip
     made = sheet(
         1, rows=200, channels=(*FIVE, "stator_degC"), headers={"stator_degC": "winding [K]"}
     )

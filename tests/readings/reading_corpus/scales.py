@@ -9,7 +9,7 @@ import numpy as np
 from .case import Case, Truth
 from .machine import MACHINES
 from .table import Layout, Sheet, sheet
-from .units import DRIVE, SEVEN
+from .units import CHANNELS, DRIVE, SEVEN
 
 SCALE, BROKEN = "units that nothing states", "no record"
 CAUSE = r"unit|factor|kelvin|fahrenheit|amplitude|peak|rms|1000|\[kW\]|krpm|°F|√2"
@@ -54,6 +54,7 @@ def betrayed(made: Sheet, channel: str, unit: str) -> bool:
 
 def scales() -> Iterator[Case]:
     """One quantity in another unit than its channel, and no word about it."""
+    STEMS = ("losses", "winding", "ambient", "phase_current", "speed", "torque")
     for number, (channel, unit, name) in enumerate(UNSTATED):
         for turn, channels in enumerate((SEVEN, DRIVE)):
             if turn and channel in ("ambient_degC",):
@@ -62,10 +63,7 @@ def scales() -> Iterator[Case]:
                 number + 2 * turn, rows=300, channels=channels, units={channel: unit},
                 headers={channel: name},
             )  # fmt: skip
-            columns = {} if name in ("losses", "Pd", "winding", "ambient", "phase_current", "speed",
-                                     "torque") else {channel: name}  # fmt: skip
-            if name == "Pd":
-                columns = {channel: name}
+            columns = {} if name in STEMS else {channel: name}
             truth = Truth.ASK if betrayed(made, channel, unit) else Truth.OPEN
             yield made.case(
                 SCALE, f"{channel} in {unit} as {name}, {len(channels)} columns", truth,
@@ -78,11 +76,8 @@ def scales() -> Iterator[Case]:
         {"speed_rpm": "rad/s", "torque_Nm": "kNm"}, {"time_s": "min", "losses_W": "kW"},
         {"time_s": "min", "winding_degC": "K"},
     )):  # fmt: skip
-        stems = {"time_s": "t", "losses_W": "losses", "winding_degC": "winding",
-                 "ambient_degC": "ambient", "phase_current_A": "phase_current",
-                 "speed_rpm": "speed", "torque_Nm": "torque"}  # fmt: skip
-        made = sheet(number, rows=300, channels=SEVEN, units=units, headers={
-            channel: stems[channel] for channel in units})  # fmt: skip
+        headers = {c: "t" if c == "time_s" else CHANNELS[c][2] for c in units}
+        made = sheet(number, rows=300, channels=SEVEN, units=units, headers=headers)
         truth = Truth.OPEN if "speed_rpm" in units else Truth.ASK
         yield made.case(SCALE, f"two at once: {units}", truth, subject=CAUSE + "|minutes")
     # A name that states a wrong unit is worse than none.
@@ -157,14 +152,8 @@ def broken() -> Iterator[Case]:
     cut = negative.text()[:-7]
     truth = {channel: values.copy() for channel, values in negative.truth.items()}
     truth["winding_degC"][-1] = np.nan
-    yield negative.case(
-        BROKEN,
-        "the last line is cut off in a number",
-        Truth.ASK,
-        cut,
-        channels=truth,
-        subject="last|cut|end|line",
-    )
+    yield negative.case(BROKEN, "the last line is cut off in a number", Truth.ASK, cut,
+                        channels=truth, subject="last|cut|end|line")  # fmt: skip
     cut = negative.text().rpartition(b",")[0]
     yield negative.case(BROKEN, "the last line is cut off between cells", Truth.ASK, cut,
                         channels=truth, true_faults=frozenset({"nan_block"}),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from .case import Case, Truth
-from .table import Layout, Sheet, sheet
+from .table import STEMS, THESIS, Layout, Sheet, sheet
 from .units import FIVE, SEVEN
 
 ROW, COMMENT, AGAINST = "units row", "comment or preamble", "statements against each other"
@@ -13,6 +13,9 @@ NAMES = {
     "time_s": "Time", "phase_current_A": "I_ph", "losses_W": "P_loss", "ambient_degC": "T_room",
     "winding_degC": "T_wdg", "speed_rpm": "n", "torque_Nm": "M",
 }  # fmt: skip
+NAMED = {channel: NAMES[channel] for channel in FIVE[1:]}
+"""`[columns]` of them."""
+
 WORDS = r"unit|statement|contradict|conflict|disagree|says|factor"
 
 # Unit of time, current, losses, ambient, winding as the row writes them; unit of the numbers.
@@ -39,7 +42,6 @@ def named(number: int, units: dict[str, str] | None = None, **more) -> Sheet:
 
 def unit_rows() -> Iterator[Case]:
     """A row of units below or above the names."""
-    five = {channel: NAMES[channel] for channel in FIVE if channel != "time_s"}
     for number, (row, units) in enumerate(ROWS):
         made = named(number, units)
         for place, layout in (
@@ -50,30 +52,21 @@ def unit_rows() -> Iterator[Case]:
             if place.endswith("semicolons") and number % 2:
                 continue
             yield made.case(
-                ROW, f"{place}: {' '.join(row)}", Truth.READ, layout, columns=five, subject=WORDS
+                ROW, f"{place}: {' '.join(row)}", Truth.READ, layout, columns=NAMED, subject=WORDS
             )
     units = {"losses_W": "kW", "winding_degC": "K"}
     row = ("s", "A", "kW", "°C", "K")
-    plain = sheet(0, rows=200, units=units, headers={
-        "time_s": "time", "phase_current_A": "phase_current", "losses_W": "losses",
-        "ambient_degC": "ambient", "winding_degC": "winding"})  # fmt: skip
-    thesis = sheet(1, rows=200, units=units, headers={
-        "time_s": "t", "phase_current_A": "Is", "losses_W": "Pd", "ambient_degC": "Te",
-        "winding_degC": "Tw_m"})  # fmt: skip
+    devices, described = ("DAQ", "WT", "WT", "TC1", "TC2"), ("stamp", "rms", "sum", "air", "slot")
+    plain = sheet(0, rows=200, units=units, headers=STEMS)
+    thesis = sheet(1, rows=200, units=units, headers=THESIS)
     for name, made in (("own names", plain), ("names of the thesis", thesis)):
         for place, layout in (
             ("below", Layout(below=(row,))),
             ("above", Layout(above=(row,))),
             ("below, tabs", Layout(delimiter="\t", below=(row,))),
             ("below, an empty row between", Layout(below=(("",) * 5, row))),
-            (
-                "below, then a row of devices",
-                Layout(below=(row, ("DAQ", "WT", "WT", "TC1", "TC2"))),
-            ),
-            (
-                "below, after a row of descriptions",
-                Layout(below=(("stamp", "rms", "sum", "air", "slot"), row)),
-            ),
+            ("below, then a row of devices", Layout(below=(row, devices))),
+            ("below, after a row of descriptions", Layout(below=(described, row))),
             ("above, after a preamble", Layout(before=("Test bench 3", ""), above=(row,))),
             ("below, quoted", Layout(below=(tuple(f'"{text}"' for text in row),))),
         ):
@@ -81,14 +74,13 @@ def unit_rows() -> Iterator[Case]:
     made = named(2, {"losses_W": "kW"})
     unknown = ("s", "A", "x1000 W", "°C", "°C")
     yield made.case(ROW, "a unit that nobody knows", Truth.ASK, Layout(below=(unknown,)),
-                    columns=five, subject=WORDS)  # fmt: skip
+                    columns=NAMED, subject=WORDS)  # fmt: skip
     short = Layout(below=(("s", "A", "kW"),))
-    yield made.case(ROW, "shorter than the table", Truth.ASK, short, columns=five, subject=WORDS)
+    yield made.case(ROW, "shorter than the table", Truth.ASK, short, columns=NAMED, subject=WORDS)
 
 
 def comments() -> Iterator[Case]:
     """Units in comment lines and preambles; comments that mean something else."""
-    five = {channel: NAMES[channel] for channel in FIVE if channel != "time_s"}
     for number, lines in enumerate((
         ("# P in kW",),
         ("# P_loss in kW",),
@@ -109,7 +101,7 @@ def comments() -> Iterator[Case]:
         made = named(number % 4, {"losses_W": "kW"})
         layout = Layout(before=lines)
         # Prose may be asked about.
-        yield made.case(COMMENT, " ".join(lines), Truth.ASK, layout, columns=five, subject=WORDS)
+        yield made.case(COMMENT, " ".join(lines), Truth.ASK, layout, columns=NAMED, subject=WORDS)
     for number, (line, channel, unit) in enumerate((
         ("# temperatures in K", "winding_degC", "K"),
         ("# T_wdg in K", "winding_degC", "K"),
@@ -122,7 +114,7 @@ def comments() -> Iterator[Case]:
     )):  # fmt: skip
         made = named(number % 4, {channel: unit})
         yield made.case(
-            COMMENT, line, Truth.ASK, Layout(before=(line,)), columns=five,
+            COMMENT, line, Truth.ASK, Layout(before=(line,)), columns=NAMED,
             subject=WORDS + r"|kelvin|fahrenheit|minut|amplitude|rms|factor",
         )  # fmt: skip
     # What is said about other things changes nothing.
@@ -145,37 +137,25 @@ def comments() -> Iterator[Case]:
 
 def conflicts() -> Iterator[Case]:
     """Two statements that cannot both be true; and two that say the same."""
-    five = {channel: NAMES[channel] for channel in FIVE if channel != "time_s"}
     number = 0
-    # Header, its column in [columns], true unit, channel.
-    for header, spec, channel, unit in (
-        ("losses_W [kW]", None, "losses_W", "kW"),
-        ("losses_W [kW]", None, "losses_W", "W"),
-        ("losses_W (mW)", None, "losses_W", "W"),
-        ("winding_degC [K]", None, "winding_degC", "K"),
-        ("winding_degC [°F]", None, "winding_degC", "degF"),
-        ("time_s [min]", None, "time_s", "min"),
-        ("time_s [ms]", None, "time_s", "s"),
-        ("phase_current_A [mA]", None, "phase_current_A", "mA"),
-        ("speed_rpm [rad/s]", None, "speed_rpm", "rad/s"),
-        ("torque_Nm [Ncm]", None, "torque_Nm", "Ncm"),
-        ("losses_kW [W]", None, "losses_W", "kW"),
-        ("losses_MW_mean [kW]", None, "losses_W", "MW"),
-        ("losses | MW [W]", None, "losses_W", "MW"),
-        ("time_ms [s]", None, "time_s", "ms"),
-        ("time:ms [h]", None, "time_s", "ms"),
-        ("phase_current-Arms [mA]", None, "phase_current_A", "A"),
-        ("losses kW [W]", None, "losses_W", "kW"),
-        ("losses [kW] (W)", None, "losses_W", "kW"),
-        ("[W] losses [kW]", None, "losses_W", "kW"),
-        ("n_rpm (1000/min)", "n_rpm (1000/min)", "speed_rpm", "krpm"),
-    ):
+    # Header, channel, true unit.
+    for header, channel, unit in (
+        ("losses_W [kW]", "losses_W", "kW"), ("losses_W [kW]", "losses_W", "W"),
+        ("losses_W (mW)", "losses_W", "W"), ("winding_degC [K]", "winding_degC", "K"),
+        ("winding_degC [°F]", "winding_degC", "degF"), ("time_s [min]", "time_s", "min"),
+        ("time_s [ms]", "time_s", "s"), ("phase_current_A [mA]", "phase_current_A", "mA"),
+        ("speed_rpm [rad/s]", "speed_rpm", "rad/s"), ("torque_Nm [Ncm]", "torque_Nm", "Ncm"),
+        ("losses_kW [W]", "losses_W", "kW"), ("losses_MW_mean [kW]", "losses_W", "MW"),
+        ("losses | MW [W]", "losses_W", "MW"), ("time_ms [s]", "time_s", "ms"),
+        ("time:ms [h]", "time_s", "ms"), ("phase_current-Arms [mA]", "phase_current_A", "A"),
+        ("losses kW [W]", "losses_W", "kW"), ("losses [kW] (W)", "losses_W", "kW"),
+        ("[W] losses [kW]", "losses_W", "kW"), ("n_rpm (1000/min)", "speed_rpm", "krpm"),
+    ):  # fmt: skip
         made = sheet(number, rows=200, channels=SEVEN, units={channel: unit},
                      headers={channel: header})  # fmt: skip
-        yield made.case(
-            AGAINST, f"{header}, truth {unit}", Truth.CONFLICT,
-            columns={channel: spec} if spec else {}, subject=WORDS,
-        )  # fmt: skip
+        columns = {channel: header} if header.startswith("n_rpm") else {}
+        yield made.case(AGAINST, f"{header}, truth {unit}", Truth.CONFLICT, columns=columns,
+                        subject=WORDS)  # fmt: skip
         number += 1
     # The user decides in [columns]; the last bracket there is the unit.
     for header, channel, unit in (
@@ -215,7 +195,7 @@ def conflicts() -> Iterator[Case]:
         made = named(number, {"losses_W": unit})
         yield made.case(
             AGAINST, f"[columns] says {spec}, the units row {unit}", Truth.ASK,
-            Layout(below=(("s", "A", unit, "°C", "°C"),)), columns={**five, "losses_W": spec},
+            Layout(below=(("s", "A", unit, "°C", "°C"),)), columns={**NAMED, "losses_W": spec},
             subject=WORDS,
         )  # fmt: skip
         number += 1
@@ -224,9 +204,9 @@ def conflicts() -> Iterator[Case]:
     made = named(number, {"losses_W": "kW"})
     yield made.case(
         AGAINST, "[columns] and units row agree", Truth.READ, Layout(below=(row,)),
-        columns={**five, "losses_W": "P_loss [kW]"},
+        columns={**NAMED, "losses_W": "P_loss [kW]"},
     )  # fmt: skip
     yield made.case(
         AGAINST, "units row and comment agree", Truth.READ,
-        Layout(before=("# P_loss in kW",), below=(row,)), columns=five,
+        Layout(before=("# P_loss in kW",), below=(row,)), columns=NAMED,
     )  # fmt: skip

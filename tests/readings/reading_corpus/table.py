@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -13,7 +12,12 @@ from .case import Case, Truth
 from .machine import MACHINES, heat_run
 from .units import CHANNELS, FIVE, worth
 
-Cells = list[list[str]]
+STEMS = {"time_s": "time", "phase_current_A": "phase_current", "losses_W": "losses",
+         "ambient_degC": "ambient", "winding_degC": "winding"}  # fmt: skip
+"""Names that say nothing of units."""
+
+THESIS = dict(zip(FIVE, ("t", "Is", "Pd", "Te", "Tw_m"), strict=True))
+"""Names of the thesis."""
 
 
 @dataclass(frozen=True)
@@ -113,10 +117,12 @@ class Sheet:
             if channel in (c.channel, "*") else c for c in self.columns
         ))  # fmt: skip
 
-
-def number_text(value: float, decimals: int) -> str:
-    """Return a number as a logger writes it."""
-    return "" if math.isnan(value) else f"{value:.{decimals}f}"
+    def with_numbers(self, channel: str, change: Callable[[np.ndarray], np.ndarray]) -> Sheet:
+        """Return the same with the numbers of one channel changed, for files that hold numbers."""
+        return replace(self, columns=tuple(
+            replace(c, numbers=change(c.numbers)) if c.channel == channel else c
+            for c in self.columns
+        ))  # fmt: skip
 
 
 def sheet(
@@ -130,6 +136,7 @@ def sheet(
     decimals: Mapping[str, int] | None = None,
     cells: Mapping[str, Callable[[float], str]] | None = None,
     written_s: float | None = None,
+    shift_s: float = 0.0,
 ) -> Sheet:
     """Return a heat run as columns.
 
@@ -143,9 +150,11 @@ def sheet(
         decimals: By channel: digits after the point; by default six significant digits.
         cells: By channel: writes a canonical value as a cell, for clocks.
         written_s: What such a cell rounds the time to [s].
+        shift_s: Added to all times.
     """
     units, headers, decimals, cells = units or {}, headers or {}, decimals or {}, cells or {}
     run = heat_run(number, rows, step_s)
+    run = {**run, "time_s": run["time_s"] + shift_s}
     columns, truth, tolerance = [], {}, {}
     for channel in channels:
         canonical = CHANNELS[channel][1]
@@ -161,7 +170,7 @@ def sheet(
             if written_s is not None:
                 tolerance[channel] = written_s
         else:
-            texts = tuple(number_text(value, digits) for value in numbers.tolist())
+            texts = tuple(f"{value:.{digits}f}" for value in numbers.tolist())
         stem = CHANNELS[channel][2]
         default = channel if unit == canonical else f"{stem} [{unit}]"
         # Binary formats hold the same rounded numbers as the text does.

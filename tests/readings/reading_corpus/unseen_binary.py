@@ -31,6 +31,19 @@ def attributes(key: str, *units: str) -> dict[str, dict[str, Any]]:
     return {channel: {key: unit} for channel, unit in zip(FIVE, units, strict=True)}
 
 
+def in_kilowatts(**more: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return the units of a file whose losses are in kilowatts, and more attributes."""
+    said = attributes("units", "s", "A", "kW", "degC", "degC")
+    return said | {channel: said[channel] | extra for channel, extra in more.items()}
+
+
+def of_hdf(name: str, truth: Truth, sheet: Sheet, said: dict[str, Any], **more: Any) -> Case:
+    """Return the case of an HDF5 file; a doubt is one of units."""
+    if truth in (ASK, CONFLICT):
+        more["subject"] = UNIT
+    return unseen(name, truth, sheet, hdf(sheet, said), suffix=".h5", **more)
+
+
 def hdf_files() -> Iterator[Case]:
     """Make HDF5 and netCDF 4 files."""
     n = count(1140)
@@ -52,15 +65,9 @@ def hdf_files() -> Iterator[Case]:
         sheet = made(next(n), NAMES, f"{units} - kW - -")
         more = {"time_s": {"units": time, "calendar": "proleptic_gregorian"}, **CLEAR}
         yield unseen(f"netCDF 4, {name}", READ, sheet, hdf(sheet, more, netcdf=True), suffix=".nc")
-    for name, spelled in (
-        ("degree_Celsius", "degree_Celsius"),
-        ("degreesC", "degreesC"),
-        ("celsius", "celsius"),
-        ("°C", "°C"),
-    ):
-        sheet = made(next(n), NAMES)
-        content = hdf(sheet, attributes("units", "s", "ampere", "watt", spelled, spelled))
-        yield unseen(f"HDF5, {name}", READ, sheet, content, suffix=".h5")
+    for spelled in ("degree_Celsius", "degreesC", "celsius", "°C"):
+        said = attributes("units", "s", "ampere", "watt", spelled, spelled)
+        yield of_hdf(f"HDF5, {spelled}", READ, made(next(n), NAMES), said)
     sheet = made(next(n), NAMES, "- - kW K K")
     more = attributes("units", "s", "A", "kW", "kelvin", "K")
     more["winding_degC"] |= {"scale_factor": 0.01, "add_offset": 273.15, "_FillValue": -32768}
@@ -77,22 +84,17 @@ def hdf_files() -> Iterator[Case]:
         yield unseen(f"HDF5 with {name}", ASK, sheet, hdf(
             sheet, more, packed={"winding_degC": ("i2", 0.1, 5.0)}), suffix=".h5",
             subject=UNIT)  # fmt: skip
-    sheet = made(next(n), "time|I|P_W|Ta|Tw", "- - kW - -")
-    content = hdf(sheet, attributes("units", "s", "A", "kW", "degC", "degC"))
-    yield unseen("name in W, attribute in kW", CONFLICT, sheet, content, suffix=".h5", subject=UNIT)
-    sheet = made(next(n), NAMES, "- - kW - -")
-    more = attributes("units", "s", "A", "kW", "degC", "degC")
-    more["losses_W"]["long_name"] = "loss in W"
-    yield unseen("two attributes disagree", CONFLICT, sheet, hdf(sheet, more), suffix=".h5",
-                 subject=UNIT)  # fmt: skip
-    sheet = made(next(n), NAMES, "- - kW - -")
-    more = {"losses_W": {"description": "mean power loss [kW]"}}
-    yield unseen("a unit in the description", ASK, sheet, hdf(sheet, more), suffix=".h5",
-                 subject=UNIT)  # fmt: skip
-    sheet = made(next(n), NAMES, "- - kW - -")
-    more = attributes("units", "s", "A", "kW", "degC", "degC")
-    yield unseen("a group below a group", READ, sheet, hdf(sheet, more, group="run1/data"),
-                 suffix=".h5")  # fmt: skip
+    heads, units = "time|I|P_W|Ta|Tw", "- - kW - -"
+    yield of_hdf(
+        "name in W, attribute in kW", CONFLICT, made(next(n), heads, units), in_kilowatts()
+    )
+    yield of_hdf("two attributes disagree", CONFLICT, made(next(n), NAMES, units),
+                 in_kilowatts(losses_W={"long_name": "loss in W"}))  # fmt: skip
+    yield of_hdf("a unit in the description", ASK, made(next(n), NAMES, units),
+                 {"losses_W": {"description": "mean power loss [kW]"}})  # fmt: skip
+    sheet = made(next(n), NAMES, units)
+    grouped = hdf(sheet, in_kilowatts(), group="run1/data")
+    yield unseen("a group below a group", READ, sheet, grouped, suffix=".h5")
     for name, row in (("canonical", False), ("canonical as rows", True)):
         sheet = made(next(n))
         yield unseen(f"HDF5, {name}", PLAIN, sheet, hdf(sheet, row=row), suffix=".h5", mapped=False)
@@ -208,7 +210,4 @@ def parquet_files() -> Iterator[Case]:
                  mapped=False)  # fmt: skip
 
 
-def binary_files() -> Iterator[Case]:
-    """Make all of them."""
-    for source in (hdf_files, matlab_files, parquet_files):
-        yield from source()
+SOURCES = (hdf_files, matlab_files, parquet_files)

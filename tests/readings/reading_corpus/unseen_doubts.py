@@ -155,13 +155,9 @@ def open_times() -> Iterator[Case]:
         ("sample numbers", "n", lambda x: f"{x / 5:.0f}", 5.0),
         ("day or month first", "Date", stamp("%d/%m/%Y %H:%M:%S"), 5.0),
         ("past midnight", "clock", lambda x: stamp("%H:%M:%S")(x + 49500), 5.0),
-        (
-            "summer time without offsets",
-            "stamp",
-            lambda x: stamp("2024-03-31 %H:%M:%S")(x - 29640 + (3600 if x >= 120 else 0)),
-            5.0,
-        ),
-    ):
+        ("summer time without offsets", "stamp",
+         lambda x: stamp("2024-03-31 %H:%M:%S")(x - 29640 + (3600 if x >= 120 else 0)), 5.0),
+    ):  # fmt: skip
         sheet = made(next(n), f"{head}|" + "|".join(FIVE[1:]), clock=clock, step_s=step_s,
                      written_s=0.01)  # fmt: skip
         # A logger of 1 Hz counts just so.
@@ -177,20 +173,14 @@ def no_bench_files() -> Iterator[Case]:
     """Make files that hold no heat run."""
     sheet = made(1120)
     lines = sheet.text().decode().splitlines()
-    table = "".join(
-        "<tr>" + "".join(f"<td>{cell}</td>" for cell in line.split(",")) + "</tr>\n"
-        for line in lines
-    )
+    table = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in line.split(",")) + "</tr>\n"
+                    for line in lines)  # fmt: skip
+    frame = b"   %d.100000 1 1A0 Rx d 8 00 11 22 33 44 55 66 77\n"
+    can = b"date Fri May 3 10:12:00 2024\nbase hex timestamps absolute\n"
     for name, content in (
         ("HTML", f"<html><body><table>\n{table}</table></body></html>".encode()),
         ("JSON lines", b'{"t": 0, "Is": 3.1}\n{"t": 5, "Is": 3.1}\n' * 60),
-        (
-            "a log of CAN frames",
-            b"date Fri May 3 10:12:00 2024\nbase hex timestamps absolute\n"
-            + b"".join(
-                b"   %d.100000 1 1A0 Rx d 8 00 11 22 33 44 55 66 77\n" % i for i in range(99)
-            ),
-        ),
+        ("a log of CAN frames", can + b"".join(frame % i for i in range(99))),
         ("names alone", lines[0].encode() + b"\n"),
         ("a picture", b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 8),
         ("a workbook by another name", b"PK\x03\x04" + bytes(range(256)) * 8),
@@ -198,8 +188,4 @@ def no_bench_files() -> Iterator[Case]:
         yield unseen(name, REFUSE, sheet, content, channels={}, mapped=False)
 
 
-def doubtful_files() -> Iterator[Case]:
-    """Make all of them."""
-    sources = (odd_units, wrong_units, conflicts, open_rows, open_times, no_bench_files)
-    for source in sources:
-        yield from source()
+SOURCES = (odd_units, wrong_units, conflicts, open_rows, open_times, no_bench_files)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import gzip
 from collections.abc import Iterator
 from itertools import count
+from typing import Any
 
 from .case import Case, Truth
-from .table import Layout
+from .table import Layout, Sheet
 from .units import DRIVE, FIVE, SEVEN
 from .unseen_file import beside, comma, made, names_of, stamp, unseen
 
-PLAIN = Truth.PLAIN
+QUOTED = Layout(row=lambda row: ",".join(f'"{cell}"' for cell in row))
 THESIS = "t|Is|Pd|Te|Tw_m"
 LAYOUTS: tuple[tuple[str, Layout], ...] = (
     ("old Mac line ends", Layout(newline="\r")),
@@ -22,7 +23,7 @@ LAYOUTS: tuple[tuple[str, Layout], ...] = (
     ("sep= with a tab", Layout("\t", before=("sep=\t",))),
     ("pipes with blanks", Layout(" | ")),
     ("comma and blank", Layout(", ")),
-    ("everything quoted", Layout(row=lambda row: ",".join(f'"{cell}"' for cell in row))),
+    ("everything quoted", QUOTED),
     ("quoted with semicolons", Layout(row=lambda row: ";".join(f'"{cell}"' for cell in row))),
     ("a delimiter after each row", Layout(row=lambda row: ",".join(row) + ",")),
     ("fixed width", Layout(row=lambda row: "".join(f"{cell:>18}" for cell in row))),
@@ -40,26 +41,25 @@ LAYOUTS: tuple[tuple[str, Layout], ...] = (
 )
 
 
+def plain(name: str, sheet: Sheet, content: Any = None, *, mapped: bool = False, **more) -> Case:
+    """Return the case of a file that leaves nothing open."""
+    return unseen(name, Truth.PLAIN, sheet, content, mapped=mapped, **more)
+
+
 def layouts() -> Iterator[Case]:
     """Make canonical and thesis names in layouts of all kinds."""
     for number, (name, layout) in enumerate(LAYOUTS, 700):
         sheet = made(number, THESIS if number % 3 == 0 else "")
         content = sheet.text(layout)
-        if name.startswith("no newline"):
-            content = content.rstrip()
-        yield unseen(name, PLAIN, sheet, content, mapped=False)
+        yield plain(name, sheet, content.rstrip() if name.startswith("no newline") else content)
 
 
 def tables() -> Iterator[Case]:
     """Make plain tables with other columns, steps, orders and numbers."""
     n = count(740)
     for step_s in (0.05, 0.5, 1.0, 12.5, 60.0):
-        yield unseen(
-            f"a step of {step_s} s",
-            PLAIN,
-            made(next(n), rows=160 if step_s >= 0.5 else 2400, step_s=step_s),
-            mapped=False,
-        )
+        rows = 160 if step_s >= 0.5 else 2400
+        yield plain(f"a step of {step_s} s", made(next(n), rows=rows, step_s=step_s))
     for name, channels in (
         ("time in the last column", (*FIVE[1:], FIVE[0])),
         ("backwards", FIVE[::-1]),
@@ -67,41 +67,29 @@ def tables() -> Iterator[Case]:
         ("with DC link", DRIVE),
         ("with stator and coolant", (*FIVE, "stator_degC", "coolant_degC")),
     ):
-        yield unseen(name, PLAIN, made(next(n), channels=channels), mapped=False)
+        yield plain(name, made(next(n), channels=channels))
     for name, shift_s in (
         ("time from 1904", 3.7974e9), ("time from 1970", 1.71473e9), ("time from -120", -120.0),
         ("time from 86000", 86000.0),
     ):  # fmt: skip
-        digits = {"time_s": 1}
-        sheet = made(next(n), shift_s=shift_s, digits=digits)
-        yield unseen(name, PLAIN, sheet, mapped=False)
+        yield plain(name, made(next(n), shift_s=shift_s, digits={"time_s": 1}))
     whole = {"phase_current_A": 1, "losses_W": 0, "ambient_degC": 1, "winding_degC": 1, "time_s": 0}
-    yield unseen("a digit or none after the point", PLAIN, made(741, digits=whole), mapped=False)
-    sheet = made(next(n))
-    yield unseen(
-        "exponents", PLAIN, sheet.with_cells("*", lambda cell: f"{float(cell):.9E}"), mapped=False
-    )
-    yield unseen(
-        "plus signs",
-        PLAIN,
-        made(next(n)).with_cells("winding_degC", lambda cell: "+" + cell),
-        mapped=False,
-    )
-    yield unseen(
-        "zeros before the numbers",
-        PLAIN,
-        made(next(n)).with_cells("*", lambda cell: cell.zfill(12)),
-        mapped=False,
-    )
-    yield unseen("minus signs of typesetters", PLAIN, made(next(n), shift_s=-400.0).with_cells(
-        "time_s", lambda cell: cell.replace("-", "\u2212")), mapped=False)  # fmt: skip
-    sheet = comma(made(next(n)))
-    yield unseen("decimal commas in a tabbed table", PLAIN, sheet, Layout("\t"), mapped=False)
-    yield unseen("decimal commas, quoted, between commas", PLAIN, comma(made(next(n))), Layout(
-        row=lambda row: ",".join(f'"{cell}"' for cell in row)), mapped=False)  # fmt: skip
-    yield unseen(
-        "decimal commas between pipes", PLAIN, comma(made(next(n))), Layout("|"), mapped=False
-    )
+    yield plain("a digit or none after the point", made(741, digits=whole))
+    for name, channel, write in (
+        ("exponents", "*", lambda cell: f"{float(cell):.9E}"),
+        ("plus signs", "winding_degC", lambda cell: "+" + cell),
+        ("zeros before the numbers", "*", lambda cell: cell.zfill(12)),
+    ):
+        yield plain(name, made(next(n)).with_cells(channel, write))
+    below = made(next(n), shift_s=-400.0)
+    yield plain("minus signs of typesetters", below.with_cells(
+        "time_s", lambda cell: cell.replace("-", "\u2212")))  # fmt: skip
+    for name, layout in (
+        ("decimal commas in a tabbed table", Layout("\t")),
+        ("decimal commas, quoted, between commas", QUOTED),
+        ("decimal commas between pipes", Layout("|")),
+    ):
+        yield plain(name, comma(made(next(n))), layout)
 
 
 def neighbours() -> Iterator[Case]:
@@ -121,15 +109,14 @@ def neighbours() -> Iterator[Case]:
         ("a set point of the current", "I_set [mA]", lambda i: "900", 1),
         ("a bearing in Fahrenheit", "T_bearing [°F]", lambda i: f"{80 + i / 20:.1f}", 99),
     ):
-        sheet = beside(made(next(n)), header, cells, at)
-        yield unseen(name, PLAIN, sheet, mapped=False)
+        yield plain(name, beside(made(next(n)), header, cells, at))
     names = "Elapsed|Current U|Loss|Room|Coil"
     sheet = beside(made(next(n), names), "Comment", lambda i: "", 5)
-    yield unseen("plain names of one's own", PLAIN, sheet, columns=names_of(sheet))
+    yield plain("plain names of one's own", sheet, columns=names_of(sheet))
     sheet = made(next(n), "TIME_S|PHASE_CURRENT_A|LOSSES_W|AMBIENT_DEGC|WINDING_DEGC")
-    yield unseen("names in capitals", PLAIN, sheet)
+    yield plain("names in capitals", sheet, mapped=True)
     sheet = made(next(n), "Zeit|Strom U|Verlust|T außen|T Nut Süd")
-    yield unseen("umlauts in Latin-1", PLAIN, sheet, Layout(";", "latin-1"))
+    yield plain("umlauts in Latin-1", sheet, Layout(";", "latin-1"), mapped=True)
 
 
 def times() -> Iterator[Case]:
@@ -145,20 +132,17 @@ def times() -> Iterator[Case]:
     ):  # fmt: skip
         form = form.replace("%d.", "23.")
         sheet = made(next(n), "Timestamp|" + "|".join(FIVE[1:]), clock=stamp(form))
-        yield unseen(name, PLAIN, sheet, Layout(at), columns={"time_s": "Timestamp"})
+        yield plain(name, sheet, Layout(at), columns={"time_s": "Timestamp"})
 
 
 def packed() -> Iterator[Case]:
     """Make files of other endings."""
     for number, suffix in enumerate((".txt", ".dat", ".tsv", ".asc", ".CSV"), 810):
         sheet, layout = made(number), Layout("\t" if suffix != ".CSV" else ",")
-        yield unseen(f"ending {suffix}", PLAIN, sheet, layout, suffix=suffix, mapped=False)
+        yield plain(f"ending {suffix}", sheet, layout, suffix=suffix)
     sheet = made(816)
     content = gzip.compress(sheet.text(), mtime=0)
-    yield unseen("gzip", PLAIN, sheet, content, suffix=".csv.gz", mapped=False)
+    yield plain("gzip", sheet, content, suffix=".csv.gz")
 
 
-def plain_files() -> Iterator[Case]:
-    """Make all of them."""
-    for source in (layouts, tables, neighbours, times, packed):
-        yield from source()
+SOURCES = (layouts, tables, neighbours, times, packed)

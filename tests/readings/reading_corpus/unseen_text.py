@@ -12,157 +12,69 @@ from .unseen_file import changed, comma, made, unseen
 
 READ = Truth.READ
 HEADERS: tuple[tuple[str, str, str, Layout], ...] = (
-    (
-        "German with slashes",
-        "Zeit / min|I_eff / A|P_V / kW|T_U / °C|T_W / °C",
-        "min - kW - -",
-        Layout(";"),
-    ),
+    ("German with slashes", "Zeit / min|I_eff / A|P_V / kW|T_U / °C|T_W / °C",
+     "min - kW - -", Layout(";")),
     ("German with in", "t in h|I in A|P_V in W|T_U in K|T_W in K", "h - - K K", Layout("\t")),
-    (
-        "French in Latin-1",
-        "Temps (s)|Courant efficace (A)|Pertes (kW)|T ambiante (°C)|T bobinage (°C)",
-        "- - kW - -",
-        Layout(";", "latin-1"),
-    ),
-    (
-        "Italian",
-        "Tempo [min]|Corrente di fase [Arms]|Perdite [kW]|T aria [°C]|T avvolgimento [°C]",
-        "min - kW - -",
-        Layout(";"),
-    ),
-    (
-        "Spanish",
-        "Tiempo (ms)|Corriente (A)|Pérdidas (kW)|T ambiente (°C)|T devanado (°C)",
-        "ms - kW - -",
-        Layout(",", "cp1252"),
-    ),
-    (
-        "Japanese",
-        "時間[s]|相電流[A]|損失[kW]|周囲温度[℃]|巻線温度[℃]",
-        "- - kW - -",
-        Layout(bom=b"\xef\xbb\xbf"),
-    ),
-    (
-        "Chinese brackets",
-        "时间（ms）|电流（A）|损耗（kW）|环境温度（℃）|绕组温度（℃）",
-        "ms - kW - -",
-        Layout(),
-    ),
-    (
-        "Polish in cp1250",
-        "Czas [s]|Prąd [A]|Straty [kW]|Otoczenie [°C]|Uzwojenie [°C]",
-        "- - kW - -",
-        Layout(";", "cp1250"),
-    ),
-    (
-        "Swedish",
-        "Tid (s)|Fasström (A)|Förluster (kW)|Omgivning (°C)|Lindning (°C)",
-        "- - kW - -",
-        Layout("\t", "utf-16-le", bom=b"\xff\xfe"),
-    ),
+    ("French in Latin-1",
+     "Temps (s)|Courant efficace (A)|Pertes (kW)|T ambiante (°C)|T bobinage (°C)",
+     "- - kW - -", Layout(";", "latin-1")),
+    ("Italian", "Tempo [min]|Corrente di fase [Arms]|Perdite [kW]|T aria [°C]|T avvolgimento [°C]",
+     "min - kW - -", Layout(";")),
+    ("Spanish", "Tiempo (ms)|Corriente (A)|Pérdidas (kW)|T ambiente (°C)|T devanado (°C)",
+     "ms - kW - -", Layout(",", "cp1252")),
+    ("Japanese", "時間[s]|相電流[A]|損失[kW]|周囲温度[℃]|巻線温度[℃]", "- - kW - -",
+     Layout(bom=b"\xef\xbb\xbf")),
+    ("Chinese brackets", "时间（ms）|电流（A）|损耗（kW）|环境温度（℃）|绕组温度（℃）",
+     "ms - kW - -", Layout()),
+    ("Polish in cp1250", "Czas [s]|Prąd [A]|Straty [kW]|Otoczenie [°C]|Uzwojenie [°C]",
+     "- - kW - -", Layout(";", "cp1250")),
+    ("Swedish", "Tid (s)|Fasström (A)|Förluster (kW)|Omgivning (°C)|Lindning (°C)",
+     "- - kW - -", Layout("\t", "utf-16-le", bom=b"\xff\xfe")),
     ("Kelvin and mA", "time [s]|I [mA]|P [W]|Ta [K]|Tw [K]", "- mA - K K", Layout()),
-    (
-        "Fahrenheit spelled out",
-        "time (s)|I (A)|P (W)|Ta (deg F)|Tw (degrees Fahrenheit)",
-        "- - - F F",
-        Layout(),
-    ),
-    (
-        "Fahrenheit in camel case",
-        "timeSec|iPhaseAmps|lossWatts|ambDegF|windingDegF",
-        "- - - F F",
-        Layout(),
-    ),
-    (
-        "spelled out with underscores",
-        "time_min|current_amps|loss_kilowatts|amb_celsius|winding_celsius",
-        "min - kW - -",
-        Layout(),
-    ),
-    (
-        "names made valid by R",
-        "time..min.|I..A.|P_loss..kW.|Ta..K.|Tw..K.",
-        "min - kW K K",
-        Layout(),
-    ),
-    (
-        "names made valid by MATLAB",
-        "time_min_|I_A_|P_loss_kW_|Ta_K_|Tw_K_",
-        "min - kW K K",
-        Layout(),
-    ),
-    (
-        "LaTeX",
-        r"$t$ [min]|$I_\mathrm{eff}$ [A]|$P_\mathrm{V}$ [kW]|$T_a$ [$^\circ$C]|"
-        r"$T_w$ [$^\circ$C]",
-        "min - kW - -",
-        Layout(";"),
-    ),
+    ("Fahrenheit spelled out", "time (s)|I (A)|P (W)|Ta (deg F)|Tw (degrees Fahrenheit)",
+     "- - - F F", Layout()),
+    ("Fahrenheit in camel case", "timeSec|iPhaseAmps|lossWatts|ambDegF|windingDegF",
+     "- - - F F", Layout()),
+    ("spelled out with underscores",
+     "time_min|current_amps|loss_kilowatts|amb_celsius|winding_celsius",
+     "min - kW - -", Layout()),
+    ("names made valid by R", "time..min.|I..A.|P_loss..kW.|Ta..K.|Tw..K.",
+     "min - kW K K", Layout()),
+    ("names made valid by MATLAB", "time_min_|I_A_|P_loss_kW_|Ta_K_|Tw_K_",
+     "min - kW K K", Layout()),
+    ("LaTeX",
+     r"$t$ [min]|$I_\mathrm{eff}$ [A]|$P_\mathrm{V}$ [kW]|$T_a$ [$^\circ$C]|$T_w$ [$^\circ$C]",
+     "min - kW - -", Layout(";")),
     ("HTML degree signs", "t [min]|I [A]|P [kW]|Ta [&deg;C]|Tw [&deg;C]", "min - kW - -", Layout()),
-    (
-        "degree signs decoded twice",
-        "t [min]|I [A]|P [kW]|Ta [Â°C]|Tw [Â°C]",
-        "min - kW - -",
-        Layout(),
-    ),
-    (
-        "signals of CAN messages",
-        "Time[ms]|Inv1::PhaseCurrent[A]|Inv1::PowerLoss[kW]|"
-        "Ambient::T1[degC]|Inv1::TempWinding[degC]",
-        "ms - kW - -",
-        Layout(";"),
-    ),
-    (
-        "paths of XCP",
-        r"time [s]|Iph\XCP:1 [A]|Ploss\XCP:1 [kW]|Tamb\ETKC:2 [degC]|"
-        r"Twdg\ETKC:2 [degC]",
-        "- - kW - -",
-        Layout("\t"),
-    ),
-    (
-        "units and statistics in one bracket",
-        "t [s]|I [A, rms]|P [kW, mean]|Ta [°C, mean]|Tw [°C, max]",
-        "- - kW - -",
-        Layout(";"),
-    ),
+    ("degree signs decoded twice", "t [min]|I [A]|P [kW]|Ta [Â°C]|Tw [Â°C]",
+     "min - kW - -", Layout()),
+    ("signals of CAN messages",
+     "Time[ms]|Inv1::PhaseCurrent[A]|Inv1::PowerLoss[kW]|Ambient::T1[degC]|Inv1::TempWinding[degC]",
+     "ms - kW - -", Layout(";")),
+    ("paths of XCP",
+     r"time [s]|Iph\XCP:1 [A]|Ploss\XCP:1 [kW]|Tamb\ETKC:2 [degC]|Twdg\ETKC:2 [degC]",
+     "- - kW - -", Layout("\t")),
+    ("units and statistics in one bracket",
+     "t [s]|I [A, rms]|P [kW, mean]|Ta [°C, mean]|Tw [°C, max]",
+     "- - kW - -", Layout(";")),
     ("mean of power in braces", "t {min}|I {A}|P {kW}|Ta {°C}|Tw {°C}", "min - kW - -", Layout()),
-    (
-        "unit before a channel number",
-        "t [s]|I [A] (ch 1)|P [kW] (ch 4)|Ta [°C] (ch 11)|Tw [°C] (ch 12)",
-        "- - kW - -",
-        Layout(),
-    ),
-    (
-        "a channel number before",
-        "0: t [s]|1: I [A]|2: P [kW]|3: Ta [°C]|4: Tw [°C]",
-        "- - kW - -",
-        Layout(),
-    ),
+    ("unit before a channel number",
+     "t [s]|I [A] (ch 1)|P [kW] (ch 4)|Ta [°C] (ch 11)|Tw [°C] (ch 12)",
+     "- - kW - -", Layout()),
+    ("a channel number before", "0: t [s]|1: I [A]|2: P [kW]|3: Ta [°C]|4: Tw [°C]",
+     "- - kW - -", Layout()),
     ("amplitudes", "time [s]|I_phase [A_peak]|P [W]|Ta [°C]|Tw [°C]", "- peak - - -", Layout()),
-    (
-        "capital kilowatts",
-        "TIME (SEC)|CURRENT (AMPS)|LOSS (KW)|AMBIENT (DEG C)|WINDING (DEG C)",
-        "- - kW - -",
-        Layout(),
-    ),
+    ("capital kilowatts", "TIME (SEC)|CURRENT (AMPS)|LOSS (KW)|AMBIENT (DEG C)|WINDING (DEG C)",
+     "- - kW - -", Layout()),
     ("units of the C kind", "t_ms|i_mA|p_W|ta_degC|tw_degC", "ms mA - - -", Layout()),
     ("Rankine", "t [s]|I [A]|P [W]|Ta [°R]|Tw [°R]", "- - - R R", Layout()),
     ("microseconds", "t [µs]|I [kA]|P [kW]|Ta [°C]|Tw [°C]", "us kA kW - -", Layout()),
     ("the other micro sign", "t [μs]|I [A]|P [kW]|Ta [°C]|Tw [°C]", "us - kW - -", Layout()),
-    (
-        "a ratio of units",
-        "t / (min)|I / (A)|P / (kW)|Ta / (°C)|Tw / (°C)",
-        "min - kW - -",
-        Layout(";"),
-    ),
-    (
-        "units after a comma, quoted",
-        '"t, min"|"I, A"|"P, kW"|"Ta, °C"|"Tw, °C"',
-        "min - kW - -",
-        Layout(),
-    ),
-)
+    ("a ratio of units", "t / (min)|I / (A)|P / (kW)|Ta / (°C)|Tw / (°C)",
+     "min - kW - -", Layout(";")),
+    ("units after a comma, quoted", '"t, min"|"I, A"|"P, kW"|"Ta, °C"|"Tw, °C"',
+     "min - kW - -", Layout()),
+)  # fmt: skip
 
 
 def headers() -> Iterator[Case]:
@@ -243,13 +155,8 @@ def rules_of_tables() -> Iterator[Case]:
     yield unseen("a table of psql", READ, sheet,
                  Layout(" | ", below=((rule,),),
                         after=("(160 rows)",)), mapped=False)  # fmt: skip
-    yield unseen(
-        "a table of Markdown",
-        READ,
-        made(next(n)),
-        Layout(row=lambda row: "| " + " | ".join(row) + " |", below=(("---",) * 5,)),
-        mapped=False,
-    )
+    markdown = Layout(row=lambda row: "| " + " | ".join(row) + " |", below=(("---",) * 5,))
+    yield unseen("a table of Markdown", READ, made(next(n)), markdown, mapped=False)
     sheet = made(next(n))
     lines = sheet.text(Layout(" ", row=lambda row: " ".join(row))).decode().splitlines()
     text = "\n".join([" ".join(f'"{name}"' for name in lines[0].split()),
@@ -269,7 +176,4 @@ def rules_of_tables() -> Iterator[Case]:
     yield unseen("two NaN", READ, sheet, lone, mapped=False)
 
 
-def stated_files() -> Iterator[Case]:
-    """Make all of them."""
-    for source in (headers, rows_of_units, rules_of_tables):
-        yield from source()
+SOURCES = (headers, rows_of_units, rules_of_tables)

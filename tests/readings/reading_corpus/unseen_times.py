@@ -77,7 +77,4 @@ def times() -> Iterator[Case]:
     yield unseen("whole minutes", READ, sheet, columns=names_of(sheet))
 
 
-def number_files() -> Iterator[Case]:
-    """Make all of them."""
-    for source in (numbers, times):
-        yield from source()
+SOURCES = (numbers, times)

@@ -12,8 +12,7 @@ from .case import Case, Truth
 from .clocks import SUBJECT, clocked, moment, strftime
 from .headers import comma_quoted
 from .statements import WORDS
-from .table import Layout, sheet
-from .units import FIVE
+from .table import THESIS, Layout, sheet
 
 CAUSE = "variants"
 READ, ASK, CONFLICT = Truth.READ, Truth.ASK, Truth.CONFLICT
@@ -78,7 +77,6 @@ LINES: tuple[tuple[str, str, str, Truth], ...] = (
 )
 MIDDLE = ("# Pd now in kW", "# ab hier Pd in kW", "# Pd: kW", "# range changed, Pd [kW]",
           "# unit of Pd is kW", "; Pd in kW")  # fmt: skip
-THESIS = ("t", "Is", "Pd", "Te", "Tw_m")
 
 
 def variants() -> Iterator[Case]:
@@ -108,13 +106,12 @@ def variants() -> Iterator[Case]:
         made = clocked(number, header, form, start_s=start, step_s=2)
         yield made.case(CAUSE, f"clock {form}", truth, Layout(delimiter=";"),
                         columns={"time_s": header}, subject=SUBJECT)  # fmt: skip
-    headers = dict(zip(FIVE, THESIS, strict=True))
     for number, (line, channel, unit, truth) in enumerate(LINES):
-        made = sheet(number, rows=200, units={channel: unit}, headers=headers)
+        made = sheet(number, rows=200, units={channel: unit}, headers=THESIS)
         yield made.case(CAUSE, line, truth, Layout(before=(line,)), subject="amplitude|peak|rms")
     for number, line in enumerate(MIDDLE):
-        one = sheet(number, rows=200, headers=headers)
-        two = sheet(number, rows=200, headers=headers, units={"losses_W": "kW"})
+        one = sheet(number, rows=200, headers=THESIS)
+        two = sheet(number, rows=200, headers=THESIS, units={"losses_W": "kW"})
         first, rest = one.text().decode().splitlines(), two.text().decode().splitlines()
         text = "\n".join([*first[:101], line, *rest[101:]]) + "\n"
         yield one.case(CAUSE, f"in the middle: {line}", ASK, text.encode(), subject="unit|comment")
@@ -131,5 +128,5 @@ def variants() -> Iterator[Case]:
                                                    "air in °C", "slot in K"),)), ASK),
     )):  # fmt: skip
         made = sheet(number, rows=200, units={"losses_W": "kW", "winding_degC": "K"},
-                     headers=headers)  # fmt: skip
+                     headers=THESIS)  # fmt: skip
         yield made.case(CAUSE, f"rows below the names: {name}", truth, layout, subject=WORDS)

@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from .table import Sheet
+from .table import Column, Sheet
 
 Attributes = Mapping[str, Mapping[str, Any]]
 SPELLED = {"degC": "°C", "degF": "°F"}
@@ -48,11 +48,8 @@ def hdf(
                     values = whole.astype(kind)
                 data = place.create_dataset(column.header, data=values[None, :] if row else values)
                 for key, value in attributes.get(column.channel, {}).items():
-                    data.attrs[key] = (
-                        np.bytes_(value.encode())
-                        if text is bytes and isinstance(value, str)
-                        else value
-                    )
+                    is_bytes = text is bytes and isinstance(value, str)
+                    data.attrs[key] = np.bytes_(value.encode()) if is_bytes else value
             if netcdf:
                 time = place[made.columns[0].header]
                 time.make_scale("time")
@@ -88,20 +85,26 @@ def parquet(
     return write
 
 
+def units_of(made: Sheet, losses_unit: str | None) -> tuple[np.ndarray, list[tuple[Column, str]]]:
+    """Return the times, and the other columns each with its unit as it is spelled."""
+    (time_s,) = (c.numbers for c in made.columns if c.channel == "time_s")
+    others = [c for c in made.columns if c.channel != "time_s"]
+    return time_s, [
+        (c, losses_unit if losses_unit and c.channel == "losses_W" else SPELLED.get(c.unit, c.unit))
+        for c in others
+    ]
+
+
 def mdf(made: Sheet, losses_unit: str | None = None) -> Callable[[Path], None]:
     """Return a function that writes an MDF 4 file."""
 
     def write(path: Path) -> None:
         import asammdf
 
-        time_s = next(c.numbers for c in made.columns if c.channel == "time_s")
+        time_s, columns = units_of(made, losses_unit)
         with asammdf.MDF(version="4.10") as file:
-            file.append([
-                asammdf.Signal(c.numbers, time_s, name=c.header,
-                               unit=losses_unit if losses_unit and c.channel == "losses_W"
-                               else SPELLED.get(c.unit, c.unit))
-                for c in made.columns if c.channel != "time_s"
-            ])  # fmt: skip
+            file.append([asammdf.Signal(c.numbers, time_s, name=c.header, unit=unit)
+                         for c, unit in columns])  # fmt: skip
             file.save(path, overwrite=True)
 
     return write
@@ -113,15 +116,10 @@ def tdms(made: Sheet, key: str, losses_unit: str | None = None) -> Callable[[Pat
     def write(path: Path) -> None:
         from nptdms import ChannelObject, TdmsWriter
 
-        time_s = next(c.numbers for c in made.columns if c.channel == "time_s")
+        time_s, columns = units_of(made, losses_unit)
+        wave = {"wf_increment": float(time_s[1]), "wf_start_offset": 0.0}
         with TdmsWriter(path) as writer:
-            writer.write_segment([
-                ChannelObject("Bench", c.header, c.numbers, {
-                    key: losses_unit if losses_unit and c.channel == "losses_W"
-                    else SPELLED.get(c.unit, c.unit),
-                    "wf_increment": float(time_s[1]), "wf_start_offset": 0.0,
-                })
-                for c in made.columns if c.channel != "time_s"
-            ])  # fmt: skip
+            writer.write_segment([ChannelObject("Bench", c.header, c.numbers, {key: unit, **wave})
+                                  for c, unit in columns])  # fmt: skip
 
     return write
