@@ -113,7 +113,8 @@ def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> 
     most = max(MOST_RESIDENT_BYTES, item.config.stash.get(LEFT_BYTES, 0) + WORTH_DROPPING_BYTES)
     if "jax" in sys.modules and _resident_bytes() > most:
         sys.modules["jax"].clear_caches()
-        sys.modules["heatrun.io.programs"].forget()
+        if "heatrun.io.programs" in sys.modules:
+            sys.modules["heatrun.io.programs"].forget()
         gc.collect()
         item.config.stash[LEFT_BYTES] = _resident_bytes()
 
