@@ -122,3 +122,15 @@ def part_of(share: float, whole: str) -> str:
     if share > 1.0:
         return f"{rounded(share)} times {whole}"
     return f"1/{rounded(1.0 / share)} of {whole}"
+
+
+def percent(probability: float) -> str:
+    """Return a probability in per cent; some thousand draws tell none below 0.1 % from 0.
+
+    Example:
+        >>> percent(0.993), percent(0.0004), percent(1.0)
+        ('99 %', 'below 0.5 %', 'above 99.9 %')
+    """
+    if probability > 0.999:
+        return "above 99.9 %"
+    return f"{100.0 * probability:.0f} %" if probability >= 0.005 else "below 0.5 %"

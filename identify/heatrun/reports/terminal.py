@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from ..checks.suitability import WEAK
-from ..io.quantities import printable, printed_unit, quantity, rounded
+from ..io.quantities import percent, printable, printed_unit, quantity, rounded
 from ..readers.mapping import mapping_text
 from ..record.motor import Certificate
 from ..record.record import Finding
@@ -23,7 +24,10 @@ from ..runs.verdict import (
     thermal,
 )
 from .certificate import ENGLISH, certificate_content, parameter_lines
-from .printed import interval_ends
+from .printed import format_interval, format_value, interval_ends
+
+if TYPE_CHECKING:  # JAX comes with it
+    from ..runs.before_after import BeforeAfter
 
 CURRENT, UNASKED = "_current_A", "continuous_current_A"
 """End of the names of ratings, and the one that nobody needs to ask for by `--rating`."""
@@ -212,6 +216,36 @@ def _rating(name: str, figure: DerivedFigure) -> str:
     return (
         f"{name}: {value}  95 % {rounded(low, 4)} … {rounded(high, 4)}   {known(figure.condition)}"
     )
+
+
+def changes_text(found: BeforeAfter) -> str:
+    """Return what changed between two runs: the one sentence, the table, what is not compared."""
+    lines = [found.sentence, *found.notes, ""]
+    head = ["", "before (95 %)", "after (95 %)", "after - before (95 %)", "relative (95 %)", "grew",
+            f"changed > {rounded(100.0 * found.size)} %"]  # fmt: skip
+    rows = [head]
+    for each in found.changes:
+        cells = []
+        for one in (each.before, each.after, each.difference):
+            low, high = one.interval_95
+            U = 0.5 * (high - low)
+            cells.append(f"{format_value(one.value, U)[0]} ({format_interval((low, high), U)})")
+        low, high = (f"{100.0 * end:+.1f}" for end in each.relative.interval_95)
+        cells.append(f"{100.0 * each.relative.value:+.1f} % ({low} … {high})")
+        name = f"{each.name} [{printed_unit(each.unit)}]".replace(" []", "")
+        rows.append([name, *cells, percent(each.grew), percent(each.changed)])
+    widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
+    for row in rows:
+        cells = zip(row, widths, strict=True)
+        lines.append("  ".join(cell.ljust(width) for cell, width in cells).rstrip())
+    conditions = {each.name: each.condition for each in found.changes if each.condition}
+    for title, told in (("Holds at", conditions), ("Not compared", found.not_compared)):
+        if told:
+            by_text: dict[str, list[str]] = {}
+            for name, text in told.items():
+                by_text.setdefault(text, []).append(name)
+            lines += ["", title, *(f"  {', '.join(of)}: {text}" for text, of in by_text.items())]
+    return "\n".join(printable(line) for line in lines)
 
 
 def discovery_text(result: DiscoveryResult) -> str:

@@ -491,6 +491,41 @@ class Replica:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TestedLoad:
+    """The loaded part of the fitted tests, which figures are stated at, and how far they went.
+
+    Attributes:
+        current_A: Rms current of the loaded part [A].
+        losses_W: Mean of its loss channel [W].
+        winding_degC: Mean of its readings [degC].
+        sink_degC: Mean temperature of the sink over all tests [degC].
+        second_sink_degC: That of a second sink [degC]; null without.
+        speed_rpm: Mean speed of the loaded part [rpm]; null where a test does not tell it.
+        coolant_degC: Likewise that of the coolant [degC].
+        fan: Likewise fan or flow over its rated value [1].
+        rated_speed_rpm: Speed that effects are scaled with [rpm].
+        rated_current_A: Current that effects are scaled with [A].
+        largest_current_A: Largest rms current of a block [A].
+        highest_winding_degC: Highest reading of a block [degC].
+    """
+
+    __test__ = False  # no class of tests
+
+    current_A: NonNegative
+    losses_W: float
+    winding_degC: float
+    sink_degC: float
+    second_sink_degC: float | None = None
+    speed_rpm: float | None = None
+    coolant_degC: float | None = None
+    fan: float | None = None
+    rated_speed_rpm: float
+    rated_current_A: float
+    largest_current_A: NonNegative
+    highest_winding_degC: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FittedModel:
     """A network as it was fitted.
 
@@ -515,6 +550,7 @@ class FittedModel:
         maybe_missing: Effects that it may miss, the most probable first; the draws are averaged
             over them.
         replica: The plain network nearest to it; unset where it has no effects.
+        load: What `derived` is stated at; unset in runs of earlier versions.
     """
 
     title: str = ""
@@ -536,6 +572,7 @@ class FittedModel:
     evidence: Evidence
     maybe_missing: tuple[MaybeMissing, ...] | UnsetType = UNSET
     replica: Replica | UnsetType = UNSET
+    load: TestedLoad | UnsetType = UNSET
 
     def about_missing(self) -> str:
         """Return a sentence on the effects that the draws are averaged over, empty without any."""

@@ -30,7 +30,7 @@ from ..errors import UsageError
 from ..io.programs import compiled
 from ..io.quantities import rounded
 from ..model.catalogue import lacking
-from ..model.draws import PlausibleEffect
+from ..model.draws import PlausibleEffect, PlausibleEffects
 from ..model.model import Model
 from ..model.model_parameters import parameters
 from ..model.parameters import Parameter, amplitudes, qualified
@@ -75,23 +75,44 @@ def with_effects(posterior: Posterior, base: Behind) -> Behind:
         posterior: Draws.
         base: The network alone.
     """
-    plausible = posterior.plausible
+    problem = posterior.fit.problem
+    tests = [test.winding for test in problem.tests]
+
+    def known(model: Model, kinds: tuple[type[AbstractEffect], ...]) -> Mapping[str, Parameter]:
+        return parameters(model, problem.motor, tests, searched=kinds).by_test[0]
+
+    def lacks(kind: type[AbstractEffect]) -> bool:
+        return any(lacking(kind, test) for test in tests)
+
+    return extended(posterior.plausible, base, known, lacks)
+
+
+def extended(
+    plausible: PlausibleEffects | None,
+    base: Behind,
+    known_of: Callable[[Model, tuple[type[AbstractEffect], ...]], Mapping[str, Parameter]],
+    lacks: Callable[[type[AbstractEffect]], bool],
+) -> Behind:
+    """Return the network with the effects behind its draws, as `with_effects`.
+
+    Args:
+        plausible: The effects; None for none.
+        base: The network alone.
+        known_of: Gives the parameters of a model by name, of which some effects may be absent.
+        lacks: Says of an effect whether its channel is lacking.
+    """
     if plausible is None:
         return base
-    problem = posterior.fit.problem
     used = {
         index: each
         for index, each in enumerate(plausible.effects)
-        if each.test is None
-        and np.any(plausible.size[:, index])
-        and not any(lacking(each.kind, test.winding) for test in problem.tests)
+        if each.test is None and np.any(plausible.size[:, index]) and not lacks(each.kind)
     }
     if not used:
         return base
     kinds = tuple(dict.fromkeys(effect.kind for effect in used.values()))
-    extended = replace(base.model, effects=(*base.model.effects, *kinds))
-    tests = [test.winding for test in problem.tests]
-    known = parameters(extended, problem.motor, tests, searched=kinds).by_test[0]
+    model = replace(base.model, effects=(*base.model.effects, *kinds))
+    known = known_of(model, kinds)
     values = {name: np.array(draws) for name, draws in base.values.items()}
     for kind in kinds:
         for name in kind.card.parameters:
@@ -101,7 +122,7 @@ def with_effects(posterior: Posterior, base: Behind) -> Behind:
         rows = np.flatnonzero(plausible.size[:, index])
         _add(effect, plausible.size[rows, index], rows, known, values)
     likely = tuple(each.kind for each in used.values() if each.probability >= LIKELY)
-    return Behind(extended, jax.tree.map(np.asarray, values), likely)
+    return Behind(model, jax.tree.map(np.asarray, values), likely)
 
 
 def _add(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import astuple, replace
 from types import MappingProxyType
 from typing import TypeVar
 
@@ -43,9 +43,11 @@ from ..results.model import (
     LoggerNoise,
     MaybeMissing,
     PosteriorQuality,
+    TestedLoad,
 )
 from ..results.values import Interval, Role
 from ..version import __version__
+from .machine import tested
 from .ratings_figures import derive
 from .replica import replica
 
@@ -162,7 +164,15 @@ def describe_model(
         evidence=part("the evidence", lambda: _evidence(posterior), _no_evidence(fit)),
         maybe_missing=_maybe_missing(posterior),
         replica=part("the replica", lambda: replica(posterior, predictions), None) or UNSET,
+        load=part("the load of the tests", lambda: _load(fit), UNSET),
     )
+
+
+def _load(fit: Fit) -> TestedLoad | UnsetType:
+    """Return the loaded part of the tests; unset where it has no reading."""
+    load = tested([test.winding for test in fit.problem.tests]).load
+    numbers = [each for each in astuple(load) if each is not None]
+    return load if all(map(math.isfinite, numbers)) else UNSET
 
 
 def _bodies(
