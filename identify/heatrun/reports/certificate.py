@@ -37,7 +37,7 @@ MOST_ON_PAGE_1, MOST_LETTERS = 6, 450
 LONGEST_FOOT = 40
 """Letters of the number of the certificate at the foot of a page."""
 
-ON_PAGE_1 = ("tau_s", "tau_fast_s", "tau_slow_s", "steady_rise_K")
+ON_PAGE_1 = ("tau_s", "tau_fast_s", "tau_slow_s", "steady_rise_K", "rise_margin_K")
 """Figures that follow from the parameters and stand beside them."""
 
 ENGLISH = Texts()

@@ -32,6 +32,9 @@ if TYPE_CHECKING:  # JAX comes with it
 CURRENT, UNASKED = "_current_A", "continuous_current_A"
 """End of the names of ratings, and the one that nobody needs to ask for by `--rating`."""
 
+BY_RISE = ("rise_margin_K", "continuous_current_by_rise_A")
+"""What the permitted rise leaves and allows."""
+
 MOST_SPANS = 6
 """Of what is missing; more of them are in the report."""
 
@@ -192,9 +195,10 @@ def _rest(result: FitResult) -> list[str]:
                 f"{'fitted as' if body.fitted else 'against'} {body.node}: RMSE "
                 f"{body.rmse_K:.2f} K, {100 * body.coverage_95:.0f} % inside the 95 % band"
             )
-        figure = model.derived.get(UNASKED)
-        if figure is not None and not known(figure.refused):
-            lines.append(f"  {_rating(UNASKED, figure)}")
+        for name in (UNASKED, *BY_RISE):
+            figure = model.derived.get(name)
+            if figure is not None and not known(figure.refused):
+                lines.append(f"  {_rating(name, figure)}")
         lines.append(f"  {model.posterior.verdict}")
         if model.about_missing():
             lines.append(f"  {model.about_missing()}")
@@ -208,10 +212,14 @@ def _rest(result: FitResult) -> list[str]:
 
 
 def _rating(name: str, figure: DerivedFigure) -> str:
-    """Return a current at the insulation limit, or why there is none."""
+    """Return a current at a limit of the insulation or what is left to it, or why there is none."""
     if refused := known(figure.refused):
         return f"{name}: refused, {refused}"
-    value = "not determined" if math.isnan(figure.median) else f"{rounded(figure.median, 4)} A"
+    value = (
+        "not determined"
+        if math.isnan(figure.median)
+        else quantity(rounded(figure.median, 4), known(figure.unit) or "")
+    )
     low, high = figure.ends
     return (
         f"{name}: {value}  95 % {rounded(low, 4)} … {rounded(high, 4)}   {known(figure.condition)}"

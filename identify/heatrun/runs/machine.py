@@ -217,6 +217,7 @@ class Machine(NamedTuple):
         limit_squared: Squared current that holds the copper at the limit [A^2].
         cold_s: Time to the limit at the loaded part's current, from the sink [s].
         warm_s: The same from `WARM` of the steady rise [s].
+        permitted_squared: Squared current that holds the copper at the permitted rise [A^2].
     """
 
     other: Float[Array, "*draw"]
@@ -225,6 +226,7 @@ class Machine(NamedTuple):
     limit_squared: Float[Array, "*draw"]
     cold_s: Float[Array, "*draw"]
     warm_s: Float[Array, "*draw"]
+    permitted_squared: Float[Array, "*draw"]
 
 
 @compiled("model")
@@ -235,6 +237,7 @@ def machines(
     winding: Float[Array, ""],
     limit: Float[Array, ""],
     rated: Float[Array, ""] | float = 1.0,
+    permitted: Float[Array, ""] | float = np.nan,
 ) -> Machine:
     """Return the machine of each draw; compiled once per model.
 
@@ -245,6 +248,7 @@ def machines(
         winding: Mean reading of the loaded part [degC].
         limit: Limit of the insulation [degC]; NaN for none, and nothing is said of it.
         rated: Squared rated current over that of the loaded part [1]; 1 where none is given.
+        permitted: Temperature that the permitted rise leads to [degC]; NaN for none.
     """
 
     def one(values: dict[str, Float[Array, ""]]) -> Machine:
@@ -252,6 +256,7 @@ def machines(
         network, drive, effects = at.network, at.drive, at.effects
         rest = steady_state(network, at.losses, drive, effects=effects)
         top = steady_current(network, at.losses, drive, limit, effects=effects)
+        by_rise = steady_current(network, at.losses, drive, permitted, effects=effects)
         sink, copper = drive.ambient, network.copper_node
         under_rated = drive.scale_current(rated)
         top_rise = steady_state(network, at.losses, under_rated, effects=effects)[copper] - sink
@@ -274,6 +279,7 @@ def machines(
             limit_squared=top.squared,
             cold_s=cold_s,
             warm_s=warm_s,
+            permitted_squared=by_rise.squared,
         )
 
     return jax.vmap(one)(values)

@@ -35,7 +35,7 @@ from ..model.model import Model
 from ..posterior.posterior import Posterior
 from ..record.motor import LIMIT_DEGC
 from ..results.model import AT_REST, LOADED, DerivedFigure
-from .duties import Limit, Rated, alone, at_limit, duty_current, with_effects
+from .duties import Limit, Rated, alone, at_limit, duty_current, with_effects, within_rise
 from .machine import Tested, bounded_rise, figure, machines, tested, under_load
 
 
@@ -232,7 +232,13 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
     network = rates(base.model, base.values, seen.loaded, winding)
     rated = problem.motor.rated_current_A if seen.amperes > 0.0 else None
     scale = 1.0 if rated is None else (rated / seen.amperes) ** 2
-    drawn = machines(behind.model, behind.values, seen.loaded, winding, degC, np.asarray(scale))
+    permitted = problem.motor.permitted_rise(seen.sink_degC)
+    rise = None if permitted is None else Limit(
+        permitted[0], seen.sink_degC + permitted[1], permitted[1]
+    )  # fmt: skip
+    top = np.asarray(np.nan if rise is None else rise.degC)
+    at_load = seen.loaded, winding, degC, np.asarray(scale), top
+    drawn = machines(behind.model, behind.values, *at_load)
     times = time_constants(network.A)
     around = partial(
         seen.surroundings,
@@ -250,6 +256,8 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
     at = f"{rounded(seen.amperes)} A rms" if rated is None else f"rated current {rounded(rated)} A"
     figures["steady_rise_K"] = bounded_rise(np.asarray(drawn.rise), f"{at}, {heated}", seen)
     figures |= at_limit(drawn, seen, limit, heated)
+    if rise is not None:
+        figures |= within_rise(drawn, seen, rise, at, heated)
     if not duties:
         return figures
     if behind is not base:  # the body of an effect may be faster
