@@ -12,7 +12,7 @@ from ..readers.mapping import mapping_text
 from ..record.motor import Certificate
 from ..record.record import Finding
 from ..results import DiscoveryResult, FitResult
-from ..results.model import DerivedFigure, FittedModel
+from ..results.model import DerivedFigure, DescribedTest, FittedModel
 from ..results.values import known
 from ..runs.verdict import (
     BEFORE_PARAMETERS,
@@ -23,7 +23,7 @@ from ..runs.verdict import (
     restrictions,
     thermal,
 )
-from .certificate import ENGLISH, certificate_content, parameter_lines
+from .certificate import ENGLISH, at_end, certificate_content, parameter_lines
 from .printed import format_interval, format_value, interval_ends
 
 if TYPE_CHECKING:  # JAX comes with it
@@ -195,13 +195,14 @@ def _rest(result: FitResult) -> list[str]:
                 f"{'fitted as' if body.fitted else 'against'} {body.node}: RMSE "
                 f"{body.rmse_K:.2f} K, {100 * body.coverage_95:.0f} % inside the 95 % band"
             )
-        for name in (UNASKED, *BY_RISE):
+        for name in ("steady_rise_K", *BY_RISE, UNASKED):
             figure = model.derived.get(name)
             if figure is not None and not known(figure.refused):
                 lines.append(f"  {_rating(name, figure)}")
         lines.append(f"  {model.posterior.verdict}")
         if model.about_missing():
             lines.append(f"  {model.about_missing()}")
+    lines += [f"  {said}" for test in result.tests if (said := _at_end(test))]
     lines += ["", result.verdict.sentence]
     if result.comparison is not None:
         lines += [f"  {sentence}" for sentence in result.comparison.words]
@@ -209,6 +210,19 @@ def _rest(result: FitResult) -> list[str]:
     if columns:
         lines += ["", columns]
     return [*lines, "", findings_text(result.findings, verbose=True)]
+
+
+def _at_end(test: DescribedTest) -> str:
+    """Return whether the winding had settled when a test ended, and where its readings tend to."""
+    found = known(test.equilibrium)
+    if found is None or found.continued_K is None or found.continued_95_K is None:
+        return at_end(test)
+    low, high = found.continued_95_K
+    ends = format_interval((low, high), 0.5 * (high - low))
+    return (
+        f"{at_end(test)}; its readings alone tend to a rise of {rounded(found.continued_K, 3)} K "
+        f"(95 % {ends} K), extrapolated by one exponential"
+    )
 
 
 def _rating(name: str, figure: DerivedFigure) -> str:

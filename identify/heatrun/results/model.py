@@ -172,6 +172,30 @@ class BodyRow:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class WindingAtEnd:
+    """Whether the winding had settled at the end of the last stretch of constant load.
+
+    Attributes:
+        is_reached: Whether thermal equilibrium was reached; null where the readings leave it open.
+        gradient_K_per_h: Of its rise over the sink in the last interval [K/h].
+        gradient_se_K_per_h: Its standard error [K/h].
+        from_s: Begin of the stretch [s].
+        to_s: Its end [s].
+        continued_K: Steady rise of the readings alone, by one exponential [K]; null where it was
+            reached, or the readings show no end.
+        continued_95_K: Its 95 % interval [K]; null likewise.
+    """
+
+    is_reached: bool | None
+    gradient_K_per_h: float
+    gradient_se_K_per_h: NonNegative
+    from_s: float
+    to_s: float
+    continued_K: float | None = None
+    continued_95_K: Interval | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DescribedTest:
     """What is said of a test.
 
@@ -200,6 +224,7 @@ class DescribedTest:
         reduction_error_K: Error of reducing the record to blocks [K].
         start: Day on which it began by the clock or the header of the record, ISO 8601; unset where
             that has no date.
+        equilibrium: Of the winding; unset where no load was held for half an hour.
     """
 
     name: str
@@ -224,6 +249,7 @@ class DescribedTest:
     sink_degC: Interval | None
     reduction_error_K: float | None = None
     start: str | UnsetType = UNSET
+    equilibrium: WindingAtEnd | UnsetType = UNSET
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -44,9 +44,11 @@ from ..results.model import (
     MaybeMissing,
     PosteriorQuality,
     TestedLoad,
+    WindingAtEnd,
 )
 from ..results.values import Interval, Role
 from ..version import __version__
+from .equilibrium import SteadyRise, equilibrium
 from .machine import tested
 from .ratings_figures import derive
 from .replica import replica
@@ -95,6 +97,26 @@ def describe_test(
         sink_degC=span(f"{motor.sink}_degC"),
         reduction_error_K=reduction_error_K,
         start=record.start or UNSET,
+        equilibrium=_at_end(record, motor),
+    )
+
+
+def _at_end(record: Record, motor: Motor) -> WindingAtEnd | UnsetType:
+    """Return whether the winding had settled; unset where no load was held long enough."""
+    if "winding_degC" not in record or f"{motor.sink}_degC" not in record:
+        return UNSET
+    last = equilibrium(record, motor, "winding_degC")
+    if not last.is_held or last.stretch is None or not last.gradients_K_per_h:
+        return UNSET
+    more = last.steady if isinstance(last.steady, SteadyRise) else None
+    return WindingAtEnd(
+        is_reached=last.is_reached,
+        gradient_K_per_h=last.gradients_K_per_h[-1],
+        gradient_se_K_per_h=last.errors_K_per_h[-1],
+        from_s=last.stretch.from_s,
+        to_s=last.stretch.to_s,
+        continued_K=None if more is None else more.rise_K,
+        continued_95_K=None if more is None else more.rise_95_K,
     )
 
 
