@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -135,7 +136,8 @@ class _Side:
     def base(self) -> Behind:
         """The network alone; events are those of the first test."""
         values = self.draws.of_test(self.draws.parameters.tests[0])
-        return Behind(self.model, self.model.in_general(values), ())
+        arrays = {name: jnp.asarray(draws) for name, draws in values.items()}
+        return Behind(self.model, self.model.in_general(arrays), ())
 
     def behind(self, seen: Tested) -> Behind:
         """Return the network with the effects behind its draws, under a load."""

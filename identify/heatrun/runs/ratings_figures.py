@@ -35,7 +35,7 @@ from ..model.model import Model
 from ..posterior.posterior import Posterior
 from ..record.motor import LIMIT_DEGC
 from ..results.model import AT_REST, LOADED, DerivedFigure
-from .duties import Limit, Rated, alone, at_limit, duty_current, with_effects, within_rise
+from .duties import Behind, Limit, Rated, alone, at_limit, duty_current, with_effects, within_rise
 from .machine import Tested, bounded_rise, figure, machines, tested, under_load
 
 
