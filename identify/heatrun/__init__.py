@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from .api import Found, calibrate, check, compare, discover, simulate
     from .errors import InputError
     from .motor.file import load_motor
+    from .runs.before_after import compare_runs
     from .runs.run import Run, open_run
     from .shutdown.job import winding_at_switch_off
 
@@ -38,6 +39,7 @@ __all__ = [
     "calibrate",
     "check",
     "compare",
+    "compare_runs",
     "discover",
     "load_motor",
     "open_run",
@@ -50,6 +52,7 @@ _PLACES = {
     "load_motor": ".motor.file",
     "Run": ".runs.run",
     "open_run": ".runs.run",
+    "compare_runs": ".runs.before_after",
     "winding_at_switch_off": ".shutdown.job",
 }
 

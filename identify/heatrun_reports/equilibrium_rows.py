@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from heatrun.reports.printed import places_of
+from heatrun.runs.equilibrium import Equilibrium, SteadyRise
 
-from .analysis.equilibrium import Equilibrium, SteadyRise
 from .figures.plot import wording
 from .report import Column, Line, Row, Table
 

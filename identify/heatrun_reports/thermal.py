@@ -12,15 +12,10 @@ from heatrun.record.motor import Motor
 from heatrun.record.record import Finding, Record
 from heatrun.record.samples import samples
 from heatrun.reports.printed import COVERAGE_FACTOR, format_interval, format_value, places_of
+from heatrun.runs.equilibrium import CRITERION, EXTRAPOLATION, SteadyRise
 
 from .analysis.drive import LossSplit, integrate
-from .analysis.equilibrium import (
-    CRITERION,
-    EXTRAPOLATION,
-    SteadyRise,
-    ThermalBehaviour,
-    thermal_behaviour,
-)
+from .analysis.equilibrium import ThermalBehaviour, thermal_behaviour
 from .analysis.validation import instrument_class
 from .card import NOT_OF_THE_MACHINE, TEST_TYPES, flow_words, unnamed
 from .document import number

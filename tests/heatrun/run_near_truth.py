@@ -15,12 +15,18 @@ from heatrun.model.model_parameters import parameters
 from heatrun.record.motor import Motor, ParameterOverride
 from heatrun.record.record import Record
 from heatrun.record.reduction import reduce
+from heatrun.results.json_text import to_plain
+from heatrun.runs.machine import tested
 from heatrun.runs.motor_text import motor_text
 from heatrun.runs.run import ModelOfRun, model_text
+from lptn.effects import AbstractEffect
 
 TRUTH = {"Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625, "Rs0": 0.0062}
 INSTRUMENTS = ("current_gain", "power_gain", "sensor_gain", "sensor_offset", "ambient_offset")
 NUM_DRAWS = 500
+UNITS = {"Ce": "J/K", "Re": "K/W", "Rs": "ohm"}
+"""By the first letters of a parameter."""
+
 FITTED = "a"
 """Stands for the SHA-256 of the file that the run was calibrated on."""
 
@@ -34,38 +40,59 @@ def seal(folder: Path) -> None:
     (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
 
 
-def run_near_truth(folder: Path, motor: Motor, test: Record) -> Path:
+def run_near_truth(
+    folder: Path,
+    motor: Motor,
+    test: Record,
+    *,
+    others: dict[str, float] | None = None,
+    seed: int = 6,
+    effects: tuple[type[AbstractEffect], ...] = (),
+) -> Path:
     """Write a run in the form of a calibration on a test called `duty`.
 
     Args:
         folder: Made here.
         motor: The machine.
         test: What the priors are taken from.
+        others: Values that differ from those of the truth, and those of effects.
+        seed: Of the draws.
+        effects: In the model.
     """
     folder.mkdir()
-    rng = np.random.default_rng(6)
-    result = json.loads((Path(__file__).parents[1] / "stored" / "fit-1.json").read_text())
-    result["motor"] |= {"name": "reference", "path": "motor.toml", "sha256": "of the motor"}
-    second = result["models"]["second"]
-    entry = second["parameters"]["Ceq_w"]
-    second["parameters"] = {n: {**entry, "value": value} for n, value in TRUTH.items()}
-    second["nuisances"] = {n: {**entry, "value": 0.0, "fixed": True} for n in INSTRUMENTS}
-    described = {"name": "duty", "path": "a.csv", "sha256": FITTED, "role": "calibration"}
-    tests = [{**result["tests"][0], **described}]
-    result |= {"models": {"second": second}, "tests": tests}
-    (folder / "fit.json").write_text(json.dumps(result), encoding="utf-8")
-    certain = {name: ParameterOverride(fixed=0.0) for name in (*INSTRUMENTS, "load_timing")}
-    model = Model.of("second", motor)
-    blocks = replace(reduce(test, motor), name="duty")
-    known = parameters(model, replace(motor, parameters=certain), [blocks])
-    text = model_text(ModelOfRun(model, known))
-    (folder / "model_second.toml").write_bytes(text)
-    (folder / "motor.toml").write_bytes(motor_text(motor))
-    around = {**TRUTH, "noise_sd": 0.2, "noise_time": 200.0, "noise_white": 0.02}
+    rng = np.random.default_rng(seed)
+    truth = TRUTH | (others or {})
+    around = {**truth, "noise_sd": 0.2, "noise_time": 200.0, "noise_white": 0.02}
     draws = {
         name: (("chain", "draw"), value * (1.0 + 0.005 * rng.normal(size=(1, NUM_DRAWS))))
         for name, value in around.items()
     }
+    result = json.loads((Path(__file__).parents[1] / "stored" / "fit-1.json").read_text())
+    result["motor"] |= {"name": "reference", "path": "motor.toml", "sha256": "of the motor"}
+    second = result["models"]["second"]
+    entry = second["parameters"]["Ceq_w"]
+    second["parameters"] = {
+        n: {
+            **entry,
+            "value": value,
+            "unit": UNITS.get(n[:2], "1"),
+            "interval_95": [float(end) for end in np.quantile(draws[n][1], [0.025, 0.975])],
+        }
+        for n, value in truth.items()
+    }
+    second["nuisances"] = {n: {**entry, "value": 0.0, "fixed": True} for n in INSTRUMENTS}
+    described = {"name": "duty", "path": "a.csv", "sha256": FITTED, "role": "calibration"}
+    tests = [{**result["tests"][0], **described}]
+    blocks = replace(reduce(test, motor), name="duty")
+    second["load"] = to_plain(tested([blocks]).load)
+    result |= {"models": {"second": second}, "tests": tests}
+    (folder / "fit.json").write_text(json.dumps(result), encoding="utf-8")
+    certain = {name: ParameterOverride(fixed=0.0) for name in (*INSTRUMENTS, "load_timing")}
+    model = Model.of("second", motor, effects)
+    known = parameters(model, replace(motor, parameters=certain), [blocks])
+    text = model_text(ModelOfRun(model, known))
+    (folder / "model_second.toml").write_bytes(text)
+    (folder / "motor.toml").write_bytes(motor_text(motor))
     heat = 0.0015 * np.exp(0.2 * np.random.default_rng(7).normal(size=(1, NUM_DRAWS)))
     draws["unmodelled_heat"] = (("chain", "draw"), heat)
     starts = 20.0 + 0.2 * rng.normal(size=(2, 1, NUM_DRAWS, 1))

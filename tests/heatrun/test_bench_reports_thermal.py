@@ -7,17 +7,23 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from msgspec import UNSET
 from run_near_truth import INSTRUMENTS, TRUTH, run_near_truth, seal
 
 from heatrun.errors import InputError
+from heatrun.io.texts import LANGUAGES, Texts
 from heatrun.readers.read import read_record
 from heatrun.record.motor import Motor
 from heatrun.record.record import Record
+from heatrun.record.reduction import reduce
+from heatrun.reports.certificate import at_end
+from heatrun.results.model import WindingAtEnd
+from heatrun.runs.equilibrium import SteadyRise, equilibria, equilibrium, steady_rise, stretches
+from heatrun.runs.result import describe_test
 from heatrun.runs.run import open_run
 from heatrun.simulation import simulate_file
 from heatrun_reports import build_report, read_reference
-from heatrun_reports.analysis.drive import split_losses, stretches
-from heatrun_reports.analysis.equilibrium import SteadyRise, equilibria, equilibrium, steady_rise
+from heatrun_reports.analysis.drive import split_losses
 from heatrun_reports.document import document_content
 from heatrun_reports.simulated import simulate_run
 from heatrun_reports.thermal import thermal_report
@@ -454,3 +460,33 @@ def test_a_gradient_has_the_digits_of_its_standard_error(printed):
     _, _, gradient, error, *_ = tables["Gradients of the rise over the sink"]["winding [K/h]"]
     assert len(error.replace(".", "").lstrip("0")) == 2
     assert len(gradient.partition(".")[2]) == len(error.partition(".")[2])
+
+
+@pytest.mark.parametrize(
+    ("hours", "is_reached", "key"), [(1.0, False, "before"), (4.0, True, "reached")]
+)
+def test_a_run_says_whether_the_winding_had_settled(hours, is_reached, key):
+    """By the same criterion, with the gradient's two standard errors, in every language."""
+    bare = warming(tau_s=2000.0, hours=hours)
+    one = np.ones(bare.time_s.size)
+    load = {"phase_current_A": 100.0 * one, "losses_W": 500.0 * one}
+    record = Record("warming", {**bare.channels, **load})
+    said = describe_test(record, reduce(record, MOTOR), MOTOR, "calibration", 0.0)
+    found = said.equilibrium
+    assert isinstance(found, WindingAtEnd)
+    assert found.is_reached is is_reached
+    gradient = 80.0 * 3600.0 / 2000.0 * np.exp(-(hours - 0.2) * 3600.0 / 2000.0)
+    assert 0.3 * gradient < found.gradient_K_per_h < 1.3 * gradient
+    assert (found.continued_K is None) is is_reached
+    if found.continued_95_K is not None:
+        low, high = found.continued_95_K
+        assert low - 2.0 < 80.0 < high + 2.0
+    assert key in at_end(said)
+    assert f"± {2.0 * found.gradient_se_K_per_h:.1g}"[:4] in at_end(said)
+    assert all("warming" in at_end(said, Texts(language)) for language in LANGUAGES)
+    swinging = Record(
+        "duty", {**record.channels, "phase_current_A": 100.0 * (record.time_s % 600.0)}
+    )
+    duty = describe_test(swinging, reduce(record, MOTOR), MOTOR, "calibration", 0.0)
+    assert duty.equilibrium is UNSET
+    assert at_end(duty) == ""

@@ -20,7 +20,7 @@ from heatrun.model.draws import PlausibleEffect, PlausibleEffects
 from heatrun.model.model import Model
 from heatrun.model.problem import Problem
 from heatrun.record.blocks import Blocks
-from heatrun.record.motor import Motor, ParameterOverride
+from heatrun.record.motor import Motor, ParameterOverride, ShutDown
 from heatrun.reports.content import _derived
 from heatrun.runs.duties import current_at_limit, parse_duty
 from heatrun.runs.machine import machines
@@ -338,6 +338,26 @@ def test_the_steady_rise_is_that_of_the_rated_current(draws):
     check(found["continuous_current_A"], by_hand.continuous_A())
     far = derive(posterior("second", motor(rated_current_A=3.0 * CURRENT), draws))
     assert "outside the tested range" in far["steady_rise_K"].refused
+
+
+@pytest.mark.parametrize(("used", "K"), [(None, 105.0), ("B", 80.0)])
+def test_the_permitted_rise_leaves_less_than_the_class(draws, used, K):
+    """Class F permits 105 K by resistance, 126 °C here, and stands 155 °C at its hottest spot."""
+    found = derive(posterior("second", motor(shutdown=ShutDown(utilisation_class=used)), draws))
+    by_hand = ByHand.of("balance", draws)
+    left = K - by_hand.steady_rise()
+    check(found["rise_margin_K"], left)
+    chance = f"within it with a probability of {100.0 * np.mean(left >= 0.0):.0f} %"
+    said = f"class {used or 'F'}, permitted rise {K:.0f} K, {chance}, 110 A rms"
+    assert found["rise_margin_K"].condition.startswith(said)
+    per_square = by_hand.k / CURRENT**2 * (B + SINK + K)
+    both = draws["Req_w"] + draws["Req_sr"]
+    allowed = np.sqrt((K - draws["Req_sr"] * by_hand.other) / (both * per_square))
+    check(found["continuous_current_by_rise_A"], allowed)
+    assert found["continuous_current_by_rise_A"].value < found["continuous_current_A"].value
+    assert "rise_margin_K" not in derive(posterior("second", motor(sink="coolant"), draws))
+    cold = Motor("cold", insulation_class="F")
+    assert [cold.permitted_rise(T) for T in (20.0, 50.0)] == [("F", 105.0), ("F", 95.0)]
 
 
 def test_without_a_class_the_limit_is_refused_and_the_rest_stands(draws):

@@ -1,10 +1,12 @@
-"""`heatrun compare`: first against second order, or two networks, on the same records."""
+"""`heatrun compare`: two networks on the same records, or two runs of one machine."""
 
 from __future__ import annotations
 
 import argparse
+import math
 from typing import Any
 
+from ..errors import UsageError
 from . import words
 from .calibrate import calibrate_into_folder
 from .console import DONE, NOT_ALLOWED, bar, printable
@@ -15,16 +17,27 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     """Add the command's words to the subparsers `commands`."""
     parser = commands.add_parser(
         "compare",
-        help="first against second order, or two networks of your own, on the same records",
+        help="first against second order, or two networks of your own, on the same records; or two "
+        "run folders of one machine, before and after",
     )
-    words.add_inputs(parser)
+    words.add_inputs(
+        parser, "bench files; or the run folder after", "the motor file; or the run folder before"
+    )
     words.add_holdout(parser)
     parser.add_argument(
         "--model",
         default="both",
         metavar="both|FILE.toml|A,B",
         help="the two networks; a single one is compared with the second order (default: both, "
-        "the first and the second order)",
+        "the first and the second order); of two run folders a network that both hold (default: "
+        "the favoured one)",
+    )
+    parser.add_argument(
+        "--change",
+        type=float,
+        default=None,
+        metavar="PERCENT",
+        help="of two run folders: by how much a quantity must differ to count (default: 5)",
     )
     words.add_with(parser)
     words.add_sampling(parser)
@@ -36,7 +49,41 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Fit both networks; a run folder is written only where one is named."""
+    """Fit both networks, or set two runs beside each other."""
+    if options.motor.is_dir():
+        return _compare_runs(options)
+    if options.change is not None:
+        raise UsageError("--change is for two run folders: heatrun compare RUN_BEFORE RUN_AFTER.")
+    return _compare_networks(options)
+
+
+def _compare_runs(options: argparse.Namespace) -> int:
+    """Print what changed from one run of a machine to another."""
+    from ..reports.terminal import changes_text
+    from ..results import to_json
+    from ..runs.before_after import SIZE, compare_runs
+    from ..runs.run import open_run
+
+    if len(options.tests) != 1 or not options.tests[0].is_dir():
+        raise UsageError(
+            f"{options.motor} is a folder, so one run folder more is expected: heatrun compare "
+            "RUN_BEFORE RUN_AFTER."
+        )
+    unused = {"--holdout": options.holdout, "--with": options.effects_known, "--out": options.out,
+              "--quick": options.quick}  # fmt: skip
+    if wrong := [word for word, value in unused.items() if value]:
+        raise UsageError(f"{wrong[0]} is for a calibration; two run folders are only read.")
+    size = 100.0 * SIZE if options.change is None else options.change
+    if not (math.isfinite(size) and size > 0.0):
+        raise UsageError(f"--change is a number of per cent above 0, got {size:g}.")
+    network = None if options.model == "both" else options.model
+    before, after = open_run(options.motor), open_run(options.tests[0])
+    found = compare_runs(before, after, network=network, size=size / 100.0)
+    print(to_json(found) if options.json else changes_text(found))
+    return DONE
+
+
+def _compare_networks(options: argparse.Namespace) -> int:
     from ..calibration import Settings, calibrate
     from ..model.catalogue import known_effects
     from ..model.network_text import pair_of

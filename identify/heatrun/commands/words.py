@@ -21,12 +21,16 @@ LONGEST_SEED = 40
 
 
 def add_inputs(
-    parser: argparse.ArgumentParser, tests: str = "bench files", *, may_lack_motor: bool = False
+    parser: argparse.ArgumentParser,
+    tests: str = "bench files",
+    motor: str = "the motor file",
+    *,
+    may_lack_motor: bool = False,
 ) -> None:
-    """Add the motor file, which may be lacking, and the tests, described by `tests`."""
+    """Add the motor file, which may be lacking, and the tests, described by `motor` and `tests`."""
     lacking = "; without one it is drafted from the tests" if may_lack_motor else ""
     parser.set_defaults(may_lack_motor=may_lack_motor)
-    parser.add_argument("motor", type=Path, metavar="MOTOR.toml", help=f"the motor file{lacking}")
+    parser.add_argument("motor", type=Path, metavar="MOTOR.toml", help=f"{motor}{lacking}")
     parser.add_argument(
         "tests",
         nargs="*" if may_lack_motor else "+",

@@ -122,3 +122,15 @@ def part_of(share: float, whole: str) -> str:
     if share > 1.0:
         return f"{rounded(share)} times {whole}"
     return f"1/{rounded(1.0 / share)} of {whole}"
+
+
+def percent(probability: float) -> str:
+    """Return a probability in per cent; some thousand draws tell none below 0.1 % from 0.
+
+    Example:
+        >>> percent(0.843), percent(0.9975), percent(0.0004), percent(1.0)
+        ('84 %', '99.8 %', 'below 0.1 %', 'above 99.9 %')
+    """
+    if not 0.001 <= probability <= 0.999:
+        return "below 0.1 %" if probability < 0.5 else "above 99.9 %"
+    return f"{100.0 * probability:.{0 if 0.01 <= probability <= 0.99 else 1}f} %"

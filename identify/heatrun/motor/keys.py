@@ -72,7 +72,8 @@ MOTOR = Section(
             "(coolant_degC). A network of both sinks takes this one for the rise, and the other "
             "from its own channel.", '"ambient"', '"ambient"'),
         Key("insulation_class", "Letter of IEC 60085 (A, E, B, F, H, N, R). With it come the "
-            "continuous current and the time to the limit.", '"F"', "no ratings"),
+            "continuous current and the time to the limit, and in air what is left of the rise by "
+            "resistance that the class permits (F: 105 K).", '"F"', "no ratings"),
         Key("rated_speed_rpm", "Speed that effects of the speed are scaled with [rpm].", "6000",
             "the largest speed in the records"),
         Key("rated_current_A", "Rms current that the sheet states the steady rise at, and that "
@@ -248,7 +249,8 @@ SHUTDOWN = Section(
         Key("rated_output_kW", "Rated output [kW], by which the standard allows a delay of the "
             "first reading.", "15", "the delay is not judged"),
         Key("utilisation_class", "Class whose rise is permitted where it is not that of the "
-            "insulation, as in F utilised to B.", '"B"', "insulation_class"),
+            "insulation, as in F utilised to B; for the ratings of a run too.", '"B"',
+            "insulation_class"),
     ),
 )  # fmt: skip
 

@@ -145,6 +145,15 @@ copper), aluminium by IEC 60034-1."""
 LIMIT_DEGC = {"A": 105.0, "E": 120.0, "B": 130.0, "F": 155.0, "H": 180.0, "N": 200.0, "R": 220.0}
 """Temperature of the insulation classes [degC]; IEC 60085, table 1."""
 
+PERMITTED_RISE_K = {"A": 60.0, "E": 75.0, "B": 80.0, "F": 105.0, "H": 125.0}
+"""Rise by resistance that a class permits over air of up to 40 °C [K]: IEC 60034-1:2004, 8.10 and
+table 7, windings of AC machines from 600 W to below 5 MW. B, F and H as makers of machines quote
+the standard; clause, table and range from memory, and A and E from that of editions before; to be
+compared with the edition in force. Smaller, larger and encapsulated machines have other rows."""
+
+WARMEST_AIR_DEGC = 40.0
+"""Air up to which the whole rise is permitted [degC]; above, so much less as it is warmer."""
+
 HEAT_LIMITS = (1e-5, 0.05)
 """Smallest and largest share of the mean loss that heat outside the network may have [1]."""
 
@@ -316,6 +325,19 @@ class Motor:
     decimal: Literal[".", ","] | None = None
     sha256: str = ""
     path: str = ""
+
+    def permitted_rise(self, sink_degC: float) -> tuple[str, float] | None:
+        """Return the class whose rise is permitted, and that rise by resistance [K].
+
+        None where no class is given that has one, or the sink is not the air.
+
+        Args:
+            sink_degC: Temperature of the air [degC].
+        """
+        letter = self.shutdown.utilisation_class or self.insulation_class
+        if letter not in PERMITTED_RISE_K or self.sink != "ambient":
+            return None
+        return letter, PERMITTED_RISE_K[letter] - max(0.0, sink_degC - WARMEST_AIR_DEGC)
 
     def columns_of(self, test: str) -> Columns:
         """Return the `[columns]` of a test by its name: its own before those of the machine."""

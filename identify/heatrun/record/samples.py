@@ -94,6 +94,11 @@ def median_step(time_s: np.ndarray) -> float:
     return float(np.median(np.diff(time_s))) if time_s.size > 1 else float("nan")
 
 
+def has(record: Record, *channels: str) -> bool:
+    """Return whether a record holds a measured sample, with a time, of each channel."""
+    return all(samples(record, channel)[0].size > 0 for channel in channels)
+
+
 def block_means(
     time_s: np.ndarray, width_s: float, *channels: np.ndarray
 ) -> tuple[np.ndarray, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,8 +20,9 @@ from ..results.model import (
     FittedParameter,
 )
 from ..results.values import Interval, known, number
+from ..runs.equilibrium import LARGEST_GRADIENT_K_PER_H
 from ..runs.verdict import favoured, headline
-from .printed import num_stated, printed, test_days, uncertain
+from .printed import COVERAGE_FACTOR, format_value, num_stated, printed, test_days, uncertain
 
 JUDGEMENTS = {
     "identified": "identified",
@@ -37,7 +38,7 @@ MOST_ON_PAGE_1, MOST_LETTERS = 6, 450
 LONGEST_FOOT = 40
 """Letters of the number of the certificate at the foot of a page."""
 
-ON_PAGE_1 = ("tau_s", "tau_fast_s", "tau_slow_s", "steady_rise_K")
+ON_PAGE_1 = ("tau_s", "tau_fast_s", "tau_slow_s", "steady_rise_K", "rise_margin_K")
 """Figures that follow from the parameters and stand beside them."""
 
 ENGLISH = Texts()
@@ -72,7 +73,7 @@ def certificate_content(
         "network": say.again(model.title),
         "parameter_of": say("parameter_of", network=model.title),
         "parameters": [_row(line, say) for line in parameter_lines(model, say)],
-        "figures": _figures(model, say),
+        "figures": _figures(model, result.tests, say),
         "rule": say("rule"),
         "statement": _statement(result, say),
         "remarks": certificate.remarks,
@@ -179,9 +180,33 @@ def _row(line: ParameterLine, say: Texts) -> list[str]:
     return [clean(line.name), clean(line.meaning), say.number(text), judged(entry, say)]
 
 
-def _figures(model: FittedModel, say: Texts) -> list[list[str]]:
-    """Return symbol, meaning and value of the time constants and the steady rise."""
+def at_end(test: DescribedTest, say: Texts = ENGLISH) -> str:
+    """Return whether the winding had settled when a test ended; empty where no load was held."""
+    found = known(test.equilibrium)
+    if found is None:
+        return ""
+    U = COVERAGE_FACTOR * found.gradient_se_K_per_h
+    key = {True: "settled", False: "not_settled", None: "maybe_settled"}[found.is_reached]
+    return say(
+        key,
+        test=clean(test.name)[:60],
+        n=say.number(" ± ".join(format_value(found.gradient_K_per_h, U))),
+        most=f"{LARGEST_GRADIENT_K_PER_H:.0f}",
+    )
+
+
+def _figures(model: FittedModel, tests: Sequence[DescribedTest], say: Texts) -> list[list[str]]:
+    """Return symbol, meaning and value of the time constants and the steady rise.
+
+    Beside the steady rise stands how near to it the fitted test came that came nearest.
+    """
     rows = []
+    held = {test.name: at for test in tests if (at := known(test.equilibrium)) is not None}
+    nearest = min(
+        (test for test in tests if test.name in held and test.role == "calibration"),
+        key=lambda test: abs(held[test.name].gradient_K_per_h),
+        default=None,
+    )
     for name in ON_PAGE_1:
         figure = model.derived.get(name)
         if figure is None:
@@ -192,6 +217,8 @@ def _figures(model: FittedModel, say: Texts) -> list[list[str]]:
         is_stated = math.isfinite(figure.median)
         value = say.number(_of_figure(figure)) if is_stated else say("not_stated")
         told = say("at", what=what, condition=why)
+        if name == "steady_rise_K" and nearest is not None and is_stated:
+            told = f"{told}; {at_end(nearest, say)}"
         rows.append([symbol, clean(told), value, say("calculated") if is_stated else ""])
     return rows
 

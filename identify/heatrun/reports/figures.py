@@ -335,7 +335,7 @@ def certificate_figure(
     name: str,
     table: pd.DataFrame,
     network: tuple[str, str],
-    limit: tuple[str, float] | None,
+    limits: Sequence[tuple[str, float]],
     say: Texts,
     aspect: float,
 ) -> Figure:
@@ -345,7 +345,8 @@ def certificate_figure(
         name: The test.
         table: Its courses (`heatrun.runs.courses.band_table`).
         network: Whose prediction is drawn, and its title.
-        limit: Insulation class and its temperature [degC]; None if it is not known.
+        limits: Of the insulation, in words, and their temperatures [degC], at most two, the one
+            that decides first.
         say: The texts in the language of the sheet.
         aspect: Height over width [1].
     """
@@ -363,10 +364,9 @@ def certificate_figure(
     (sink,) = axis.plot(minutes, table["sink_degC"], color="0.55", lw=0.8)
     handles = [measured, model, band, sink]
     words = [say("measured_winding"), say("model_named", network=title), say("band"), say("sink")]
-    if limit is not None:
-        letter, degC = limit
-        handles.append(axis.axhline(degC, color=LIMIT_COLOUR, lw=1.0, ls="--"))
-        words.append(say("limit_of_class", letter=letter, T=f"{degC:.0f}"))
+    for (text, degC), style in zip(limits, ("--", ":"), strict=False):
+        handles.append(axis.axhline(degC, color=LIMIT_COLOUR, lw=1.0, ls=style))
+        words.append(text)
     below.fill_between(
         minutes, low - predicted, high - predicted, color=COLOURS["second"], alpha=0.25, lw=0
     )
@@ -377,10 +377,11 @@ def certificate_figure(
     axis.set_ylabel(say("temperature_degC"))
     axis.margins(x=0.01)
     axis.set_title(plain(name), loc="left", fontsize=9, y=1.0)
+    columns = 5 if len(handles) <= 5 else 3
     figure.legend(
-        handles, words, fontsize=7.5, frameon=False, ncols=5, loc="lower center",
+        handles, words, fontsize=7.5, frameon=False, ncols=columns, loc="lower center",
         columnspacing=1.2, handlelength=1.6,
     )  # fmt: skip
     finish([axis, below], say)
-    stack(figure, [axis, below], [0.25, GAP_IN], below=0.72)
+    stack(figure, [axis, below], [0.25, GAP_IN], below=0.72 if columns == 5 else 0.86)
     return figure

@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import tomli_w
 from matplotlib.figure import Figure
@@ -121,9 +122,16 @@ def _first_figure(
     network = favoured(result)
     letter = result.motor.insulation_class
     name, _, table = next((each for each in tables if each[1] == "calibration"), tables[0])
-    limit = None if letter is None else (letter, LIMIT_DEGC[letter])
+    limits = []
+    sink_degC = float(np.nanmean(table["sink_degC"]))
+    if permitted := run.motor.permitted_rise(sink_degC):
+        text = say("limit_of_rise", letter=permitted[0], K=f"{permitted[1]:.0f}")
+        limits.append((text, sink_degC + permitted[1]))
+    if letter is not None:
+        text = say("limit_of_class", letter=letter, T=f"{LIMIT_DEGC[letter]:.0f}")
+        limits.append((text, LIMIT_DEGC[letter]))
     stated = (network, result.models[network].title)
-    return certificate_figure(name, table, stated, limit, say, aspect)
+    return certificate_figure(name, table, stated, limits, say, aspect)
 
 
 def rewrite_sheet(

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from ..checks.suitability import WEAK
-from ..io.quantities import printable, printed_unit, quantity, rounded
+from ..io.quantities import percent, printable, printed_unit, quantity, rounded
 from ..readers.mapping import mapping_text
 from ..record.motor import Certificate
 from ..record.record import Finding
 from ..results import DiscoveryResult, FitResult
-from ..results.model import DerivedFigure, FittedModel
+from ..results.model import DerivedFigure, DescribedTest, FittedModel
 from ..results.values import known
 from ..runs.verdict import (
     BEFORE_PARAMETERS,
@@ -22,11 +23,17 @@ from ..runs.verdict import (
     restrictions,
     thermal,
 )
-from .certificate import ENGLISH, certificate_content, parameter_lines
-from .printed import interval_ends
+from .certificate import ENGLISH, at_end, certificate_content, parameter_lines
+from .printed import format_interval, format_value, interval_ends
+
+if TYPE_CHECKING:  # JAX comes with it
+    from ..runs.before_after import BeforeAfter
 
 CURRENT, UNASKED = "_current_A", "continuous_current_A"
 """End of the names of ratings, and the one that nobody needs to ask for by `--rating`."""
+
+BY_RISE = ("rise_margin_K", "continuous_current_by_rise_A")
+"""What the permitted rise leaves and allows."""
 
 MOST_SPANS = 6
 """Of what is missing; more of them are in the report."""
@@ -188,12 +195,14 @@ def _rest(result: FitResult) -> list[str]:
                 f"{'fitted as' if body.fitted else 'against'} {body.node}: RMSE "
                 f"{body.rmse_K:.2f} K, {100 * body.coverage_95:.0f} % inside the 95 % band"
             )
-        figure = model.derived.get(UNASKED)
-        if figure is not None and not known(figure.refused):
-            lines.append(f"  {_rating(UNASKED, figure)}")
+        for name in ("steady_rise_K", *BY_RISE, UNASKED):
+            figure = model.derived.get(name)
+            if figure is not None and not known(figure.refused):
+                lines.append(f"  {_rating(name, figure)}")
         lines.append(f"  {model.posterior.verdict}")
         if model.about_missing():
             lines.append(f"  {model.about_missing()}")
+    lines += [f"  {said}" for test in result.tests if (said := _at_end(test))]
     lines += ["", result.verdict.sentence]
     if result.comparison is not None:
         lines += [f"  {sentence}" for sentence in result.comparison.words]
@@ -203,15 +212,62 @@ def _rest(result: FitResult) -> list[str]:
     return [*lines, "", findings_text(result.findings, verbose=True)]
 
 
+def _at_end(test: DescribedTest) -> str:
+    """Return whether the winding had settled when a test ended, and where its readings tend to."""
+    found = known(test.equilibrium)
+    if found is None or found.continued_K is None or found.continued_95_K is None:
+        return at_end(test)
+    low, high = found.continued_95_K
+    ends = format_interval((low, high), 0.5 * (high - low))
+    return (
+        f"{at_end(test)}; its readings alone tend to a rise of {rounded(found.continued_K, 3)} K "
+        f"(95 % {ends} K), extrapolated by one exponential"
+    )
+
+
 def _rating(name: str, figure: DerivedFigure) -> str:
-    """Return a current at the insulation limit, or why there is none."""
+    """Return a current at a limit of the insulation or what is left to it, or why there is none."""
     if refused := known(figure.refused):
         return f"{name}: refused, {refused}"
-    value = "not determined" if math.isnan(figure.median) else f"{rounded(figure.median, 4)} A"
+    value = (
+        "not determined"
+        if math.isnan(figure.median)
+        else quantity(rounded(figure.median, 4), known(figure.unit) or "")
+    )
     low, high = figure.ends
     return (
         f"{name}: {value}  95 % {rounded(low, 4)} … {rounded(high, 4)}   {known(figure.condition)}"
     )
+
+
+def changes_text(found: BeforeAfter) -> str:
+    """Return what changed between two runs: the one sentence, the table, what is not compared."""
+    lines = [found.sentence, *found.notes, ""]
+    head = ["", "before (95 %)", "after (95 %)", "after - before (95 %)", "relative (95 %)", "grew",
+            f"changed > {rounded(100.0 * found.size)} %"]  # fmt: skip
+    rows = [head]
+    for each in found.changes:
+        cells = []
+        for one in (each.before, each.after, each.difference):
+            low, high = one.interval_95
+            U = 0.5 * (high - low)
+            cells.append(f"{format_value(one.value, U)[0]} ({format_interval((low, high), U)})")
+        low, high = (f"{100.0 * end:+.1f}" for end in each.relative.interval_95)
+        cells.append(f"{100.0 * each.relative.value:+.1f} % ({low} … {high})")
+        name = f"{each.name} [{printed_unit(each.unit)}]".replace(" []", "")
+        rows.append([name, *cells, percent(each.grew), percent(each.changed)])
+    widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
+    for row in rows:
+        cells = zip(row, widths, strict=True)
+        lines.append("  ".join(cell.ljust(width) for cell, width in cells).rstrip())
+    conditions = {each.name: each.condition for each in found.changes if each.condition}
+    for title, told in (("Holds at", conditions), ("Not compared", found.not_compared)):
+        if told:
+            by_text: dict[str, list[str]] = {}
+            for name, text in told.items():
+                by_text.setdefault(text, []).append(name)
+            lines += ["", title, *(f"  {', '.join(of)}: {text}" for text, of in by_text.items())]
+    return "\n".join(printable(line) for line in lines)
 
 
 def discovery_text(result: DiscoveryResult) -> str:

@@ -172,6 +172,30 @@ class BodyRow:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class WindingAtEnd:
+    """Whether the winding had settled at the end of the last stretch of constant load.
+
+    Attributes:
+        is_reached: Whether thermal equilibrium was reached; null where the readings leave it open.
+        gradient_K_per_h: Of its rise over the sink in the last interval [K/h].
+        gradient_se_K_per_h: Its standard error [K/h].
+        from_s: Begin of the stretch [s].
+        to_s: Its end [s].
+        continued_K: Steady rise of the readings alone, by one exponential [K]; null where it was
+            reached, or the readings show no end.
+        continued_95_K: Its 95 % interval [K]; null likewise.
+    """
+
+    is_reached: bool | None
+    gradient_K_per_h: float
+    gradient_se_K_per_h: NonNegative
+    from_s: float
+    to_s: float
+    continued_K: float | None = None
+    continued_95_K: Interval | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DescribedTest:
     """What is said of a test.
 
@@ -200,6 +224,7 @@ class DescribedTest:
         reduction_error_K: Error of reducing the record to blocks [K].
         start: Day on which it began by the clock or the header of the record, ISO 8601; unset where
             that has no date.
+        equilibrium: Of the winding; unset where no load was held for half an hour.
     """
 
     name: str
@@ -224,6 +249,7 @@ class DescribedTest:
     sink_degC: Interval | None
     reduction_error_K: float | None = None
     start: str | UnsetType = UNSET
+    equilibrium: WindingAtEnd | UnsetType = UNSET
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -491,6 +517,41 @@ class Replica:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TestedLoad:
+    """The loaded part of the fitted tests, which figures are stated at, and how far they went.
+
+    Attributes:
+        current_A: Rms current of the loaded part [A].
+        losses_W: Mean of its loss channel [W].
+        winding_degC: Mean of its readings [degC].
+        sink_degC: Mean temperature of the sink over all tests [degC].
+        second_sink_degC: That of a second sink [degC]; null without.
+        speed_rpm: Mean speed of the loaded part [rpm]; null where a test does not tell it.
+        coolant_degC: Likewise that of the coolant [degC].
+        fan: Likewise fan or flow over its rated value [1].
+        rated_speed_rpm: Speed that effects are scaled with [rpm].
+        rated_current_A: Current that effects are scaled with [A].
+        largest_current_A: Largest rms current of a block [A].
+        highest_winding_degC: Highest reading of a block [degC].
+    """
+
+    __test__ = False  # no class of tests
+
+    current_A: NonNegative
+    losses_W: float
+    winding_degC: float
+    sink_degC: float
+    second_sink_degC: float | None = None
+    speed_rpm: float | None = None
+    coolant_degC: float | None = None
+    fan: float | None = None
+    rated_speed_rpm: float
+    rated_current_A: float
+    largest_current_A: NonNegative
+    highest_winding_degC: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FittedModel:
     """A network as it was fitted.
 
@@ -515,6 +576,7 @@ class FittedModel:
         maybe_missing: Effects that it may miss, the most probable first; the draws are averaged
             over them.
         replica: The plain network nearest to it; unset where it has no effects.
+        load: What `derived` is stated at; unset in runs of earlier versions.
     """
 
     title: str = ""
@@ -536,6 +598,7 @@ class FittedModel:
     evidence: Evidence
     maybe_missing: tuple[MaybeMissing, ...] | UnsetType = UNSET
     replica: Replica | UnsetType = UNSET
+    load: TestedLoad | UnsetType = UNSET
 
     def about_missing(self) -> str:
         """Return a sentence on the effects that the draws are averaged over, empty without any."""

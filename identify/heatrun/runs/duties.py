@@ -13,6 +13,7 @@ Continuous current and time to the limit of the insulation class.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -30,13 +31,14 @@ from ..errors import UsageError
 from ..io.programs import compiled
 from ..io.quantities import rounded
 from ..model.catalogue import lacking
-from ..model.draws import PlausibleEffect
+from ..model.draws import PlausibleEffect, PlausibleEffects
 from ..model.model import Model
 from ..model.model_parameters import parameters
 from ..model.parameters import Parameter, amplitudes, qualified
 from ..posterior.posterior import Posterior
 from ..results.model import DerivedFigure
-from .machine import REACH, WARM, Machine, Tested, figure, fixed_losses, refused
+from ..results.values import known, number
+from .machine import REACH, WARM, Machine, Tested, bounded_rise, figure, fixed_losses, refused
 
 LIKELY = 0.5
 """Probability from which on a condition names an effect that the network misses [1]."""
@@ -75,23 +77,44 @@ def with_effects(posterior: Posterior, base: Behind) -> Behind:
         posterior: Draws.
         base: The network alone.
     """
-    plausible = posterior.plausible
+    problem = posterior.fit.problem
+    tests = [test.winding for test in problem.tests]
+
+    def known(model: Model, kinds: tuple[type[AbstractEffect], ...]) -> Mapping[str, Parameter]:
+        return parameters(model, problem.motor, tests, searched=kinds).by_test[0]
+
+    def lacks(kind: type[AbstractEffect]) -> bool:
+        return any(lacking(kind, test) for test in tests)
+
+    return extended(posterior.plausible, base, known, lacks)
+
+
+def extended(
+    plausible: PlausibleEffects | None,
+    base: Behind,
+    known_of: Callable[[Model, tuple[type[AbstractEffect], ...]], Mapping[str, Parameter]],
+    lacks: Callable[[type[AbstractEffect]], bool],
+) -> Behind:
+    """Return the network with the effects behind its draws, as `with_effects`.
+
+    Args:
+        plausible: The effects; None for none.
+        base: The network alone.
+        known_of: Gives the parameters of a model by name, of which some effects may be absent.
+        lacks: Says of an effect whether its channel is lacking.
+    """
     if plausible is None:
         return base
-    problem = posterior.fit.problem
     used = {
         index: each
         for index, each in enumerate(plausible.effects)
-        if each.test is None
-        and np.any(plausible.size[:, index])
-        and not any(lacking(each.kind, test.winding) for test in problem.tests)
+        if each.test is None and np.any(plausible.size[:, index]) and not lacks(each.kind)
     }
     if not used:
         return base
     kinds = tuple(dict.fromkeys(effect.kind for effect in used.values()))
-    extended = replace(base.model, effects=(*base.model.effects, *kinds))
-    tests = [test.winding for test in problem.tests]
-    known = parameters(extended, problem.motor, tests, searched=kinds).by_test[0]
+    model = replace(base.model, effects=(*base.model.effects, *kinds))
+    known = known_of(model, kinds)
     values = {name: np.array(draws) for name, draws in base.values.items()}
     for kind in kinds:
         for name in kind.card.parameters:
@@ -101,7 +124,7 @@ def with_effects(posterior: Posterior, base: Behind) -> Behind:
         rows = np.flatnonzero(plausible.size[:, index])
         _add(effect, plausible.size[rows, index], rows, known, values)
     likely = tuple(each.kind for each in used.values() if each.probability >= LIKELY)
-    return Behind(extended, jax.tree.map(np.asarray, values), likely)
+    return Behind(model, jax.tree.map(np.asarray, values), likely)
 
 
 def _add(
@@ -334,14 +357,18 @@ class Limit:
 
     Attributes:
         insulation: Letter of the class.
-        degC: Its temperature [degC].
+        degC: Its temperature, or that which its permitted rise leads to [degC].
+        rise_K: The permitted rise [K]; None for the temperature of the class.
     """
 
     insulation: str
     degC: float
+    rise_K: float | None = None
 
     def __str__(self) -> str:
         """Return the limit as it stands in conditions."""
+        if self.rise_K is not None:
+            return f"class {self.insulation}, permitted rise {self.rise_K:.0f} K"
         return f"class {self.insulation} ({self.degC:.0f} °C)"
 
 
@@ -360,7 +387,7 @@ def at_limit(
     if limit is None:
         return {key: refused(NO_CLASS) for key in ("continuous_current_A", *names.values())}
     text = f"{limit}, {heated}"
-    figures = {"continuous_current_A": _continuous(drawn, seen, limit, text)}
+    figures = {"continuous_current_A": _continuous(drawn, drawn.limit_squared, seen, limit, text)}
     beyond = seen.beyond_limit(limit.degC)
     starts = {"cold": "from the sink's temperature",
               "hot": f"from {100 * WARM:.0f} % of the steady rise"}  # fmt: skip
@@ -375,14 +402,40 @@ def at_limit(
     return figures
 
 
-def _continuous(drawn: Machine, seen: Tested, limit: Limit, text: str) -> DerivedFigure:
+def within_rise(
+    drawn: Machine, seen: Tested, limit: Limit, at: str, heated: str
+) -> dict[str, DerivedFigure]:
+    """Return what is left of the permitted rise, and the continuous current that it allows.
+
+    Nothing is left, or lacks, where no steady rise is stated.
+
+    Args:
+        drawn: The machine of each draw.
+        seen: Range of the tests.
+        limit: The permitted rise.
+        at: Current of the steady rise.
+        heated: Losses and surroundings that the figures hold under.
+    """
+    assert limit.rise_K is not None
+    current = _continuous(drawn, drawn.permitted_squared, seen, limit, f"{limit}, {heated}")
+    found = {"continuous_current_by_rise_A": current}
+    rise = np.asarray(drawn.rise)
+    if math.isfinite(number(known(bounded_rise(rise, "", seen).sd))):
+        chance = f"within it with a probability of {100.0 * np.mean(rise <= limit.rise_K):.0f} %"
+        text = f"{limit}, {chance}, {at}"  # the rest stands at the steady rise
+        found = {"rise_margin_K": figure(limit.rise_K - rise, "K", text), **found}
+    return found
+
+
+def _continuous(
+    drawn: Machine, squared: Array, seen: Tested, limit: Limit, text: str
+) -> DerivedFigure:
     if not np.any(drawn.copper_slope):
         return refused(NO_CURRENT)
     beyond = seen.beyond_limit(limit.degC)
     if beyond:
         return refused(beyond)
-    squared = np.asarray(drawn.limit_squared)
-    entry = figure(np.sqrt(np.maximum(squared, 0.0)), "A", text)
+    entry = figure(np.sqrt(np.maximum(np.asarray(squared), 0.0)), "A", text)
     if not entry.median <= REACH * seen.current_A:
         return refused(
             f"{rounded(entry.median)} A is outside the tested range: the largest "

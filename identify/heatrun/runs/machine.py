@@ -28,10 +28,13 @@ from ..model.bodies import corrected_losses
 from ..model.draws import PlausibleEffects, of_network
 from ..model.model import Model
 from ..record.blocks import Blocks
-from ..results.model import DerivedFigure
+from ..results.model import DerivedFigure, TestedLoad
 
 REACH = 1.2
 """A current may lie this much above the largest one tested [1] before a figure is refused."""
+
+RAD_PER_S = np.pi / 30.0
+"""One revolution per minute [rad/s]."""
 
 REACH_K = 15.0
 """A temperature may lie this far above the highest one measured [K]."""
@@ -48,12 +51,62 @@ class Tested:
         loaded: Means over the loaded part: current, loss channel, speed, coolant and fan; the
             sinks are those of all tests. Speed, coolant, fan and second sink only if every test
             has them. Effects that follow the time stand as at the start of the first test.
+        rated_speed: Speed that effects are scaled with [rad/s].
+        rated_current: Current that effects are scaled with [A].
     """
 
     current_A: float
     winding_degC: float
     loaded_winding_degC: float
     loaded: Drive
+    rated_speed: float
+    rated_current: float
+
+    @classmethod
+    def of(cls, load: TestedLoad) -> Tested:
+        """Return it as `fit.json` has it."""
+        rated_speed, rated_current = load.rated_speed_rpm * RAD_PER_S, load.rated_current_A
+        return cls(
+            current_A=load.largest_current_A,
+            winding_degC=load.highest_winding_degC,
+            loaded_winding_degC=load.winding_degC,
+            loaded=Drive.constant(
+                current_squared=load.current_A**2,
+                losses=load.losses_W,
+                ambient=load.sink_degC,
+                speed=None if load.speed_rpm is None else load.speed_rpm * RAD_PER_S,
+                coolant=load.coolant_degC,
+                fan=load.fan,
+                second_sink=load.second_sink_degC,
+                rated_speed=rated_speed,
+                rated_current=rated_current,
+            ),
+            rated_speed=rated_speed,
+            rated_current=rated_current,
+        )
+
+    @property
+    def load(self) -> TestedLoad:
+        """It as it stands in `fit.json`."""
+        at = self.loaded
+        rad, coolant, fan, second = (
+            None if each is None else float(each)
+            for each in (at.speed_rad, at.coolant, at.fan, at.second_sink)
+        )
+        return TestedLoad(
+            current_A=self.amperes,
+            losses_W=float(at.losses),
+            winding_degC=self.loaded_winding_degC,
+            sink_degC=self.sink_degC,
+            second_sink_degC=second,
+            speed_rpm=None if rad is None else rad / RAD_PER_S,
+            coolant_degC=coolant,
+            fan=fan,
+            rated_speed_rpm=self.rated_speed / RAD_PER_S,
+            rated_current_A=self.rated_current,
+            largest_current_A=self.current_A,
+            highest_winding_degC=self.winding_degC,
+        )
 
     @property
     def sink_degC(self) -> float:
@@ -128,6 +181,7 @@ def tested(tests: Sequence[Blocks]) -> Tested:
         return None if values is None else float(np.mean(values[loaded]))
 
     first = tests[0].inputs
+    rated_speed, rated_current = float(first.rated_speed), float(first.rated_current)
     return Tested(
         current_A=float(np.sqrt(np.max(I2))),
         winding_degC=float(np.nanmax(Tw)),
@@ -140,9 +194,11 @@ def tested(tests: Sequence[Blocks]) -> Tested:
             coolant=of_load("coolant"),
             fan=of_load("fan"),
             second_sink=None if second is None else float(np.mean(second)),
-            rated_speed=float(first.rated_speed),
-            rated_current=float(first.rated_current),
+            rated_speed=rated_speed,
+            rated_current=rated_current,
         ),
+        rated_speed=rated_speed,
+        rated_current=rated_current,
     )
 
 
@@ -161,6 +217,7 @@ class Machine(NamedTuple):
         limit_squared: Squared current that holds the copper at the limit [A^2].
         cold_s: Time to the limit at the loaded part's current, from the sink [s].
         warm_s: The same from `WARM` of the steady rise [s].
+        permitted_squared: Squared current that holds the copper at the permitted rise [A^2].
     """
 
     other: Float[Array, "*draw"]
@@ -169,6 +226,7 @@ class Machine(NamedTuple):
     limit_squared: Float[Array, "*draw"]
     cold_s: Float[Array, "*draw"]
     warm_s: Float[Array, "*draw"]
+    permitted_squared: Float[Array, "*draw"]
 
 
 @compiled("model", is_seldom=True)
@@ -179,6 +237,7 @@ def machines(
     winding: Float[Array, ""],
     limit: Float[Array, ""],
     rated: Float[Array, ""] | float = 1.0,
+    permitted: Float[Array, ""] | float = np.nan,
 ) -> Machine:
     """Return the machine of each draw; compiled once per model.
 
@@ -189,6 +248,7 @@ def machines(
         winding: Mean reading of the loaded part [degC].
         limit: Limit of the insulation [degC]; NaN for none, and nothing is said of it.
         rated: Squared rated current over that of the loaded part [1]; 1 where none is given.
+        permitted: Temperature that the permitted rise leads to [degC]; NaN for none.
     """
 
     def one(values: dict[str, Float[Array, ""]]) -> Machine:
@@ -202,6 +262,7 @@ def machines(
         )(jnp.stack([jnp.ones_like(rated), rated]))
         rest, under_rated = ({node: T[place] for node, T in both.items()} for place in (0, 1))
         top = steady_current(network, at.losses, drive, limit, effects=effects)
+        by_rise = steady_current(network, at.losses, drive, permitted, effects=effects)
         sink, copper = drive.ambient, network.copper_node
         top_rise = under_rated[copper] - sink
 
@@ -224,6 +285,7 @@ def machines(
             limit_squared=top.squared,
             cold_s=cold_s,
             warm_s=warm_s,
+            permitted_squared=by_rise.squared,
         )
 
     return jax.vmap(one)(values)

@@ -35,7 +35,7 @@ from ..model.model import Model
 from ..posterior.posterior import Posterior
 from ..record.motor import LIMIT_DEGC
 from ..results.model import AT_REST, LOADED, DerivedFigure
-from .duties import Limit, Rated, alone, at_limit, duty_current, with_effects
+from .duties import Behind, Limit, Rated, alone, at_limit, duty_current, with_effects, within_rise
 from .machine import Tested, bounded_rise, figure, machines, tested, under_load
 
 
@@ -134,9 +134,32 @@ def at_conditions(posterior: Posterior) -> dict[str, DerivedFigure]:
     problem = posterior.fit.problem
     if not problem.model.effects:
         return {}
+    behind = with_effects(posterior, alone(posterior))
     seen = tested([test.winding for test in problem.tests])
-    base = alone(posterior)
-    behind = with_effects(posterior, base)
+    return {
+        f"{name}{ending}": figure(draws, "K/W", words, posterior.plausible)
+        for name, at in resistances(behind, seen).items()
+        if not _is_same(at[LOADED][0], behind.values[name])
+        for ending, (draws, words) in at.items()
+    }
+
+
+def _is_same(one: Array | np.ndarray, other: Array | np.ndarray) -> bool:
+    return np.allclose(np.asarray(one), np.asarray(other), rtol=SAME, equal_nan=True)
+
+
+def resistances(
+    behind: Behind, seen: Tested
+) -> dict[str, dict[str, tuple[Float[np.ndarray, " draw"], str]]]:
+    """Return each resistance at the mean load [K/W], and at rest where it differs there.
+
+    Args:
+        behind: The network with all effects behind the draws.
+        seen: The load.
+
+    Returns:
+        Draws and what they hold under, by name of the parameter and by `LOADED` or `AT_REST`.
+    """
     winding = np.asarray(seen.loaded_winding_degC)
     speed = seen.loaded.speed
     nodes, loaded = _at(behind.model, behind.values, seen.loaded, seen.loaded, winding)
@@ -144,21 +167,16 @@ def at_conditions(posterior: Posterior) -> dict[str, DerivedFigure]:
     if speed is not None:
         still = replace(seen.loaded, speed=0.0 * speed, speed_rad=0.0 * speed)
         rest = _at(behind.model, behind.values, seen.loaded, still, winding)[1]
-    result = {}
-    for link, parameter in problem.model.form.resistance:
-        name = parameter.name
-        draws = np.asarray(behind.values[name])
-        if np.allclose(np.asarray(loaded[link]), draws, rtol=SAME, equal_nan=True):
-            continue
-        for ending, at in ((LOADED, loaded), (AT_REST, rest)):
-            if ending == LOADED or not np.allclose(
-                at[link], loaded[link], rtol=SAME, equal_nan=True
-            ):
-                words = _condition(seen, nodes, link, is_at_rest=ending == AT_REST)
-                result[f"{name}{ending}"] = figure(
-                    np.asarray(at[link]), "K/W", words, posterior.plausible
-                )
-    return result
+    return {
+        parameter.name: {
+            ending: (
+                np.asarray(at[link]), _condition(seen, nodes, link, is_at_rest=ending == AT_REST)
+            )
+            for ending, at in ((LOADED, loaded), (AT_REST, rest))
+            if ending == LOADED or not _is_same(at[link], loaded[link])
+        }
+        for link, parameter in behind.model.form.resistance
+    }  # fmt: skip
 
 
 @compiled("model", is_seldom=True)
@@ -214,7 +232,13 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
     network = rates(base.model, base.values, seen.loaded, winding)
     rated = problem.motor.rated_current_A if seen.amperes > 0.0 else None
     scale = 1.0 if rated is None else (rated / seen.amperes) ** 2
-    drawn = machines(behind.model, behind.values, seen.loaded, winding, degC, np.asarray(scale))
+    permitted = problem.motor.permitted_rise(seen.sink_degC)
+    rise = None if permitted is None else Limit(
+        permitted[0], seen.sink_degC + permitted[1], permitted[1]
+    )  # fmt: skip
+    top = np.asarray(np.nan if rise is None else rise.degC)
+    at_load = seen.loaded, winding, degC, np.asarray(scale), top
+    drawn = machines(behind.model, behind.values, *at_load)
     times = time_constants(network.A)
     around = partial(
         seen.surroundings,
@@ -232,6 +256,8 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
     at = f"{rounded(seen.amperes)} A rms" if rated is None else f"rated current {rounded(rated)} A"
     figures["steady_rise_K"] = bounded_rise(np.asarray(drawn.rise), f"{at}, {heated}", seen)
     figures |= at_limit(drawn, seen, limit, heated)
+    if rise is not None:
+        figures |= within_rise(drawn, seen, rise, at, heated)
     if not duties:
         return figures
     if behind is not base:  # the body of an effect may be faster
@@ -254,17 +280,17 @@ def _time_constants(
     }
     num = times.shape[-1]
     text = "eigenvalue of the network, constant copper loss"
-    for name, draws in zip(_names(num, ""), times.T, strict=True):
+    for name, draws in zip(names_of_times(num), times.T, strict=True):
         figures[name] = figure(draws, "s", text + surroundings)
     if is_fed:
         fed = time_constants(network.A_fed)
         text = f"eigenvalue with R(T) at {rounded(amperes)} A"
-        for name, draws in zip(_names(num, "_feedback"), fed.T, strict=True):
+        for name, draws in zip(names_of_times(num, "_feedback"), fed.T, strict=True):
             figures[name] = figure(draws, "s", text + surroundings)
     return figures
 
 
-def _names(num: int, suffix: str) -> list[str]:
+def names_of_times(num: int, suffix: str = "") -> list[str]:
     """Return the names of a network's time constants, shortest first."""
     if num == 1:
         return [f"tau{suffix}_s"]

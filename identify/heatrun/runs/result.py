@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import astuple, replace
 from types import MappingProxyType
 from typing import TypeVar
 
@@ -43,9 +43,13 @@ from ..results.model import (
     LoggerNoise,
     MaybeMissing,
     PosteriorQuality,
+    TestedLoad,
+    WindingAtEnd,
 )
 from ..results.values import Interval, Role
 from ..version import __version__
+from .equilibrium import SteadyRise, equilibrium
+from .machine import tested
 from .ratings_figures import derive
 from .replica import replica
 
@@ -93,6 +97,26 @@ def describe_test(
         sink_degC=span(f"{motor.sink}_degC"),
         reduction_error_K=reduction_error_K,
         start=record.start or UNSET,
+        equilibrium=_at_end(record, motor),
+    )
+
+
+def _at_end(record: Record, motor: Motor) -> WindingAtEnd | UnsetType:
+    """Return whether the winding had settled; unset where no load was held long enough."""
+    if "winding_degC" not in record or f"{motor.sink}_degC" not in record:
+        return UNSET
+    last = equilibrium(record, motor, "winding_degC")
+    if not last.is_held or last.stretch is None or not last.gradients_K_per_h:
+        return UNSET
+    more = last.steady if isinstance(last.steady, SteadyRise) else None
+    return WindingAtEnd(
+        is_reached=last.is_reached,
+        gradient_K_per_h=last.gradients_K_per_h[-1],
+        gradient_se_K_per_h=last.errors_K_per_h[-1],
+        from_s=last.stretch.from_s,
+        to_s=last.stretch.to_s,
+        continued_K=None if more is None else more.rise_K,
+        continued_95_K=None if more is None else more.rise_95_K,
     )
 
 
@@ -162,7 +186,15 @@ def describe_model(
         evidence=part("the evidence", lambda: _evidence(posterior), _no_evidence(fit)),
         maybe_missing=_maybe_missing(posterior),
         replica=part("the replica", lambda: replica(posterior, predictions), None) or UNSET,
+        load=part("the load of the tests", lambda: _load(fit), UNSET),
     )
+
+
+def _load(fit: Fit) -> TestedLoad | UnsetType:
+    """Return the loaded part of the tests; unset where it has no reading."""
+    load = tested([test.winding for test in fit.problem.tests]).load
+    numbers = [each for each in astuple(load) if each is not None]
+    return load if all(map(math.isfinite, numbers)) else UNSET
 
 
 def _bodies(

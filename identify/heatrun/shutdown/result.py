@@ -22,11 +22,6 @@ WITHIN_K = 5.0
 """What the extrapolation may add to the 95 % interval to either side [K]: half of the 10 K that
 lie between class temperature and permitted rise, so that a verdict is still one."""
 
-PERMITTED_RISE_K = {"B": 80.0, "F": 105.0, "H": 125.0}
-"""Rise by resistance at up to 40 °C of the air [K]: IEC 60034-1:2004, table 7, windings of AC
-machines from 600 W to below 5 MW. The table is quoted so by manufacturers; other classes, small,
-large and encapsulated machines have other rows."""
-
 MOST_READINGS = 60
 """Readings that are used one by one; a logger's are averaged to so many blocks."""
 
@@ -331,9 +326,8 @@ def _limits(motor: Motor, winding: np.ndarray, rise: np.ndarray) -> tuple[Limit,
         found.append(
             _limit(f"class {insulation}, temperature", LIMIT_DEGC[insulation], "degC", margin)
         )
-    used = motor.shutdown.utilisation_class or insulation
-    if used in PERMITTED_RISE_K and motor.sink == "ambient":
-        permitted = PERMITTED_RISE_K[used]
+    if said := motor.permitted_rise(float(np.median(winding - rise))):
+        used, permitted = said
         found.append(_limit(f"class {used}, rise by resistance", permitted, "K", permitted - rise))
     return tuple(found)
 

@@ -10,10 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from heatrun.posterior.predict import Prediction
+from heatrun.runs.equilibrium import Stretch
 from heatrun.runs.machine import fixed_losses, other_losses
 from lptn import Drive, steady_state
-
-from .drive import Stretch
 
 NUM_DRAWS = 200
 """Draws behind the limits: they are good to an eighth of a standard deviation."""

@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from heatrun.record.record import Record
+from heatrun.runs.equilibrium import Equilibrium, SteadyRise
 
 from ..analysis.drive import LossSplit, has
-from ..analysis.equilibrium import Equilibrium, SteadyRise
 from ..card import NOT_OF_THE_MACHINE
 from ..simulated import Simulated
 from .plot import CYCLE, finish, line, samples_or_nan, stacked, unit, wording
