@@ -242,6 +242,8 @@ def test_a_run_keeps_all_that_the_motor_file_says():
     yoke_degC = "stator"
     [constants]
     ambient_degC = 21.5
+    [scales]
+    current_A = 9.5
     [adequacy]
     unmodelled_heat = 0.004
     [shutdown]
