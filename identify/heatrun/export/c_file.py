@@ -18,14 +18,23 @@ from scipy.optimize import nnls
 
 from ..errors import InputError
 from ..io.whole_files import numbered
+from ..model.model import Model
 from ..record.samples import BLOCK_S
+from ..results.model import FittedModel
 from ..results.values import known
 from ..runs.run import Run, open_run
 from ..version import __version__
 from .contents import NETWORK, mat_bytes, write_export
 from .network_course import read_network, simulate_held
 from .network_file import SIGNALS
-from .rerun import Predicted, RunAndTest, as_replica, effects_of, read_run_test
+from .rerun import (
+    Predicted,
+    RunAndTest,
+    as_replica,
+    effects_of,
+    of_no_test,
+    read_run_test,
+)
 
 HEADER, SOURCE, HARNESS, VECTORS = "thermal_network.h", "thermal_network.c", "main.c", "vectors.csv"
 
@@ -78,6 +87,7 @@ class Missed:
             [K].
         share: That of a rise from the parameters, over the rise [1].
         resolution_K: Step of the readings [K].
+        answer: Standard deviation of a change soon after a step of the load, over the change [1].
     """
 
     heat: float
@@ -89,6 +99,7 @@ class Missed:
     sink_K: float = 0.0
     share: float = 0.0
     resolution_K: float = 0.0
+    answer: float = 0.0
 
     @classmethod
     def of(
@@ -104,21 +115,24 @@ class Missed:
             predicted: What the run predicts of it.
             bias_K: RMS by which a simpler network is elsewhere: readings stray from it so far.
         """
-        noise, record = run.result.models[run.choose(network)].noise, found.record
+        model, record = run.result.models[run.choose(network)], found.record
+        noise = model.noise
         said, heat = found.model.adequacy, known(noise.unmodelled_heat)
         heat = said.unmodelled_heat if heat is None else heat
         slow = math.hypot(noise.sd_K, bias_K)
         priors = run.model(network).parameters.by_test[0]
         sink = record[f"{found.motor.sink}_degC"]
-        # a drive's sensor is of the class of the bench's, and need not be the same one
+        # a drive's sensors are of the class of the bench's, and need not be the same ones
         offset, gain = (
             priors[name].sd if name in priors else 0.0 for name in ("sensor_offset", "sensor_gain")
         )
         rise = float(np.sqrt(np.nanmean((record["winding_degC"] - sink) ** 2)))
+        ours = priors.get("ambient_offset")
         sink_K, share = _spread(predicted, found.model.form.nodes, float(np.nanmean(sink)), bias_K)
         return cls(heat, said.heat_time_s, slow, noise.time_s, noise.white_K,
-                   math.hypot(offset, gain * rise), sink_K, share,
-                   max(each.resolution_K for each in found.blocks.loggers))  # fmt: skip
+                   math.hypot(offset, gain * rise), max(sink_K, ours.sd if ours else 0.0), share,
+                   max(each.resolution_K for each in found.blocks.loggers),
+                   _least_known(model, found.model))  # fmt: skip
 
     def reading(self, step: float) -> float:
         """Return the standard deviation of the white part of one reading [K].
@@ -164,7 +178,7 @@ def export_c(
         refuse_lawless(effects_of(run, network), str(run))
     is_replica = bool(lacking_laws(effects_of(run, network)))
     opened = open_run(run)
-    whole = read_run_test(run, test=test, network=network)
+    whole = of_no_test(read_run_test(run, test=test, network=network), network)
     found, bias = as_replica(whole, network, LAWS) if is_replica else (whole, 0.0)
     variables, notes = NETWORK.variables(found)
     title = found.model.title
@@ -444,13 +458,14 @@ class CSource:
         if found["losses"] == "map":
             losses += found["phases"] * found["Rs0"] * float(np.mean(found["Is"] ** 2))
         losses = max(abs(losses), 1e-3)
+        sensed = self.nodes.index(found["sensor"]["node"])
         keep = math.exp(-self.step / self.lag_s) if self.lag_s else 0.0
         lightest = min(np.atleast_1d(found["capacitance"])[self.heated])
         missed, white = self.missed, self.missed.reading(self.step)
         return {
             "num_heats": str(len(self.heated)),
             "heated": ", ".join(map(str, self.heated)),
-            "sensed": str(self.nodes.index(found["sensor"]["node"])),
+            "sensed": str(sensed),
             "reading_sd": f"{white:.6g}",
             "slow_sd": f"{missed.slow_K:.6g}",
             "slow_decay": repr(math.exp(-self.step / missed.slow_s)),
@@ -462,6 +477,8 @@ class CSource:
             "heat_sd": repr(missed.heat * losses),
             "sink_sd": repr(missed.sink_K),
             "share_sd": repr(missed.share),
+            "answer_sd": repr(missed.answer),
+            "answer_decay": repr(math.exp(-self.step * _rates(found)[sensed])),
             "heat_decay": repr(math.exp(-self.step / missed.heat_s)),
             "blind": repr(float(self.step * losses / lightest)),
         }
@@ -497,6 +514,15 @@ def _spread(
     return math.sqrt(at_rest + half), math.sqrt(by_rise)
 
 
+def _least_known(fitted: FittedModel, model: Model) -> float:
+    """Return the largest relative standard deviation of what shapes a change: capacities,
+    resistances and the lag of a sensor [1].
+    """
+    names = {each.name for each in model.form.parameters} | {"sensor_lag.tau"}
+    return max((each.sd / abs(each.value) for name, each in fitted.parameters.items()
+                if name in names and each.value), default=0.0)  # fmt: skip
+
+
 def in_comment(text: str) -> str:
     """Return text that stands safely in a comment of C: other characters by their number."""
     return UNLIKE_C.sub(lambda found: f"<U+{ord(found[0]):04X}>", text)
@@ -520,9 +546,23 @@ def _fastest(found: Mapping[str, Any]) -> float:
         if "link" in effect:  # a conductance that rises, at twice its rated speed
             place = links.index(tuple(effect["link"]))
             conductance[place] *= 1.0 + 2.0 * effect["parameters"]["g"]
-    by_node = [sum(g for g, link in zip(conductance, links, strict=True) if node in link)
-               for node in nodes]  # fmt: skip
-    return float(np.max(2.0 * np.array(by_node) / np.atleast_1d(found["capacitance"])))
+    return float(np.max(2.0 * _by_node(conductance, links, nodes) / found["capacitance"]))
+
+
+def _rates(found: Mapping[str, Any]) -> np.ndarray:
+    """Return how fast each node goes to what surrounds it [1/s], shape (node,)."""
+    nodes = [str(node) for node in np.atleast_1d(found["nodes"])]
+    conductance = 1.0 / np.atleast_1d(found["resistance"])
+    return _by_node(conductance, _links(found), nodes) / np.atleast_1d(found["capacitance"])
+
+
+def _by_node(
+    conductance: np.ndarray, links: Sequence[tuple[str, ...]], nodes: Sequence[str]
+) -> np.ndarray:
+    return np.array([
+        sum(g for g, link in zip(conductance, links, strict=True) if node in link)
+        for node in nodes
+    ])  # fmt: skip
 
 
 def _links(found: Mapping[str, Any]) -> list[tuple[str, ...]]:

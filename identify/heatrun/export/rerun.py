@@ -21,7 +21,7 @@ import numpy as np
 
 from ..errors import InputError, UsageError
 from ..io.toml_text import parse_toml
-from ..model.model import Model
+from ..model.model import Model, change_name
 from ..readers.joined import files_of, read_test
 from ..record.blocks import Blocks
 from ..record.motor import Motor
@@ -139,6 +139,21 @@ def of_record(
     predicted = Predicted(found.time_s, found.median, missing, found.nodes, found.nodes_95)
     return RunAndTest(run.path, found.model, motor, record, values, is_held_out, found.test, files,
                       predicted=predicted)  # fmt: skip
+
+
+def of_no_test(found: RunAndTest, network: str | None = None) -> RunAndTest:
+    """Return a test as the run predicts any other, where its tests ask for different parameters.
+
+    Args:
+        found: From `read_run_test`.
+        network: Name of the network; None for the last one of the run.
+    """
+    shared = {n: v for n, v in found.values.items() if not n.endswith(change_name(""))}
+    if len(shared) == len(found.values):
+        return found
+    run, other = open_run(found.run), replace(found.record, name=f"not {found.record.name}")
+    new = of_record(run, other, found.motor, network, is_held_out=True)
+    return replace(found, values=shared, predicted=new.predicted)
 
 
 def as_replica(
@@ -265,7 +280,9 @@ def _refuse_negative(values: Mapping[str, float], run: Path) -> None:
     bad = [
         name
         for name, value in values.items()
-        if name.startswith(("Ceq", "Req", "Rs0")) and not 0.0 < value < math.inf
+        if name.startswith(("Ceq", "Req", "Rs0"))
+        and not name.endswith(change_name(""))  # a logarithm
+        and not 0.0 < value < math.inf
     ]
     if bad:
         raise InputError(

@@ -27,6 +27,8 @@ static const heatrun_real SLOW_DECAY = R($slow_decay);
 static const heatrun_real SINK_SD_K = R($sink_sd);
 static const heatrun_real SHARE_SD = R($share_sd);
 static const heatrun_real BLIND_K = R($blind); /* growth in a step without inputs */
+static const heatrun_real ANSWER_SD = R($answer_sd); /* of a fresh change, over that change */
+static const heatrun_real ANSWER_DECAY = R($answer_decay); /* with the time of the sensed node */
 
 /* Place of a covariance in the lower triangle. */
 static int place(int i, int j)
@@ -204,12 +206,14 @@ static void correct(heatrun_observer *observer, heatrun_real innovation_K)
 static int judge(heatrun_observer *observer, heatrun_real reading_degC, heatrun_real change_K)
 {
     heatrun_real seen[NUM_STATES];
-    const heatrun_real variance_K2 = foreseen(observer, seen);
+    const heatrun_real fresh_K = ANSWER_SD*observer->fresh_K;
+    const heatrun_real variance_K2 = foreseen(observer, seen) + fresh_K*fresh_K;
     const heatrun_real innovation_K = reading_degC - shown(observer) - observer->slow_K;
     /* from one reading to the next the constant errors drop out: noise shows there first */
     const heatrun_real jump_K = is_temperature(observer->last_degC)
         ? reading_degC - observer->last_degC - change_K : R(0.0);
-    const heatrun_real jump_variance_K2 = R(2.0)*R(HEATRUN_READING_SD_K)*R(HEATRUN_READING_SD_K)
+    const heatrun_real step_K = ANSWER_SD*change_K;
+    const heatrun_real jump_variance_K2 = step_K*step_K + R(2.0)*R(HEATRUN_READING_SD_K)*R(HEATRUN_READING_SD_K)
         + R(2.0)*(R(1.0) - SLOW_DECAY)*R(HEATRUN_SLOW_SD_K)*R(HEATRUN_SLOW_SD_K);
     const int is_off =
         innovation_K*innovation_K > R(HEATRUN_OFF_SDS)*R(HEATRUN_OFF_SDS)*variance_K2
@@ -274,6 +278,7 @@ heatrun_status heatrun_observer_start(heatrun_observer *observer,
     observer->slow_K = R(0.0);
     observer->last_degC = R(HEATRUN_MIN_DEGC) - R(1.0); /* no reading yet */
     observer->moved_K = R(0.0);
+    observer->fresh_K = R(0.0);
     observer->score = 0;
     observer->num_good = 0;
     observer->sensor = HEATRUN_SENSOR_OK;
@@ -309,6 +314,7 @@ heatrun_estimate heatrun_observer_step(heatrun_observer *observer, const heatrun
     } else {
         widen(observer, BLIND_K);
     }
+    observer->fresh_K = ANSWER_DECAY*observer->fresh_K + shown(observer) - shown_degC;
     if (judge(observer, reading_degC, shown(observer) - shown_degC)) {
         correct(observer, reading_degC - shown(observer) - observer->slow_K);
     }

@@ -37,6 +37,7 @@ typedef struct {
     heatrun_real covariance[HEATRUN_NUM_STATES*(HEATRUN_NUM_STATES + 1)/2]; /* lower triangle */
     heatrun_real last_degC;
     heatrun_real moved_K;
+    heatrun_real fresh_K; /* change that the node has not yet passed on */
     int score; /* four for a suspect reading, -1 for another */
     int num_good;
     heatrun_sensor sensor;
