@@ -17,6 +17,7 @@ from heatrun.errors import InputError
 from heatrun.export import mat_bytes, network_variables
 from heatrun.export.c_file import CSource, Missed, export_c, in_comment
 from heatrun.export.network_course import read_network
+from heatrun.export.rerun import of_no_test, read_run_test
 from heatrun.model.catalogue import effects_named
 from heatrun.model.model import Model
 from heatrun.model.network_text import read_network as network_of_text
@@ -473,6 +474,15 @@ def test_the_band_of_a_run_holds_on_other_loads(day, generator):
         assert set(sensor) == {0, 1, 4}  # no fault but the missing readings
         assert np.mean(np.abs(T - course)[is_pulled] < 1.96 * sd[is_pulled]) > 0.93
         assert np.all(sd[is_pulled] < 1.0)
+
+
+def test_what_changed_in_one_test_is_not_the_drives(day):
+    found = read_run_test(Path("run"))
+    assert of_no_test(found) is found
+    changed = replace(found, values={**found.values, "Req_w_change": -0.1, "Ceq_w_change": 0.1})
+    other = of_no_test(changed)
+    assert other.values == found.values
+    assert set(other.predicted.nodes_95) == set(found.predicted.nodes_95)
 
 
 @pytest.mark.parametrize(
