@@ -82,7 +82,7 @@ def test_the_table_counts_what_it_says():
         for place, job in enumerate(jobs(1, 2, 2, 500, ""))
     ]  # fmt: skip
     text = table([*rows, {"seed": 3, "failure": "none"}], 1)
-    assert "2 machines of six kinds by code of its own, 1 commands ended with an error" in text
+    assert "2 machines of 2 kinds by own code, 1 commands ended with an error" in text
     assert "| blanked winding in its band, nothing hidden | 93…97 % | mean 95.0 %" in text
     assert "| stuck: told within 300 s | ≥ 95 % | 0.0 % (0 of 4) | 0…60 % | **missed** |" in text
     assert "| false alarms, all | ≤ 1 per 1000 h | 1.00 (1 in 1000 h) |" in text
