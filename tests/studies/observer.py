@@ -317,8 +317,8 @@ def table(rows: Sequence[Row], seed: int) -> str:
     lines = [
         "# The exported observer against the truth",
         "",
-        f"`make study-observer`, seeds from {seed} on: {len(done)} machines of {len(kinds)} kinds by "
-        f"own code, {len(rows) - len(done)} commands ended with an error; {num} held-out tests "
+        f"`make study-observer`, seeds from {seed} on: {len(done)} machines of {len(kinds)} kinds "
+        f"by own code, {len(rows) - len(done)} commands ended with an error; {num} held-out tests "
         f"of {DRIVEN_S / 3600:g} h and {sum(row['clean_h'] for row in done):.0f} h of clean duty "
         "cycles. Each was calibrated on two tests with `--quick`, exported with `--to c` (where C "
         "lacks a law, with `--replica`), compiled and run at 1 Hz. The winding sensor is blanked "
