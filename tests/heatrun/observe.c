@@ -1,34 +1,53 @@
-/* Runs the observer: reads start and its sd, then per step current, losses, sink, reading. */
+/* Runs the observer: `observe START SD` reads, for each step, doubles of inputs and reading, and
+ * writes temperature and standard deviation of each node, status and sensor. */
 #include <stdio.h>
+#include <stdlib.h>
 
 #include "thermal_network.h"
 
-int main(void)
+#define NUM_INPUTS (3 + HEATRUN_HAS_SECOND_SINK + HEATRUN_HAS_SPEED + HEATRUN_HAS_FAN)
+
+int main(int num_words, char **words)
 {
     heatrun_observer observer;
     heatrun_real start[HEATRUN_NUM_NODES];
-    double first, sd, row[4];
+    double row[NUM_INPUTS + 1], found[2*HEATRUN_NUM_NODES + 2];
     int i;
-    if (scanf("%lf %lf", &first, &sd) != 2) {
+    if (num_words != 3) {
         return 2;
     }
     for (i = 0; i < HEATRUN_NUM_NODES; ++i) {
-        start[i] = (heatrun_real)first;
+        start[i] = (heatrun_real)atof(words[1]);
     }
-    if (heatrun_observer_start(&observer, start, (heatrun_real)sd) != HEATRUN_OK) {
+    if (heatrun_observer_start(&observer, start, (heatrun_real)atof(words[2])) != HEATRUN_OK) {
         return 3;
     }
-    while (scanf("%lf %lf %lf %lf", &row[0], &row[1], &row[2], &row[3]) == 4) {
+    while (fread(row, sizeof row, 1, stdin) == 1) {
+        const double *next = row;
         heatrun_inputs inputs;
         heatrun_estimate now;
-        inputs.current_A = (heatrun_real)row[0];
-        inputs.losses_W = (heatrun_real)row[1];
-        inputs.sink_degC = (heatrun_real)row[2];
-        now = heatrun_observer_step(&observer, &inputs, (heatrun_real)row[3]);
+        inputs.current_A = (heatrun_real)*next++;
+        inputs.losses_W = (heatrun_real)*next++;
+        inputs.sink_degC = (heatrun_real)*next++;
+#if HEATRUN_HAS_SECOND_SINK
+        inputs.second_sink_degC = (heatrun_real)*next++;
+#endif
+#if HEATRUN_HAS_SPEED
+        inputs.speed_rpm = (heatrun_real)*next++;
+#endif
+#if HEATRUN_HAS_FAN
+        inputs.fan = (heatrun_real)*next++;
+#endif
+        now = heatrun_observer_step(&observer, &inputs, (heatrun_real)*next);
         for (i = 0; i < HEATRUN_NUM_NODES; ++i) {
-            printf("%.9g %.9g ", (double)now.temperature_degC[i], (double)now.sd_K[i]);
+            found[2*i] = (double)now.temperature_degC[i];
+            found[2*i + 1] = (double)now.sd_K[i];
         }
-        printf("%d %d\n", (int)now.status, (int)now.sensor);
+        found[2*HEATRUN_NUM_NODES] = (double)now.status;
+        found[2*HEATRUN_NUM_NODES + 1] = (double)now.sensor;
+        if (fwrite(found, sizeof found, 1, stdout) != 1) {
+            return 5;
+        }
     }
     return sizeof(heatrun_observer) < 1024 ? 0 : 4;
 }

@@ -16,6 +16,7 @@ from hidden_machines import machine
 from page_numbers import said_and_simulated
 
 from heatrun.cli import main
+from heatrun.export.rerun import as_replica, read_run_test
 from heatrun.model.catalogue import all_effects
 from heatrun.posterior.posterior import normal_draws
 from heatrun.readers.mat5 import read_variables
@@ -196,6 +197,14 @@ def test_the_replica_is_exported_for_tools_that_take_four_numbers(folder, fit, t
     assert written["rmse_reading_K"] == pytest.approx(replica["rmse_K"][written["test"]], rel=0.1)
     assert main([*words, str(tmp_path / "all")]) == 0
     assert (tmp_path / "all" / "network.mat").exists()
+
+
+def test_a_replica_that_keeps_the_law_stays_near_the_model(folder, fit):
+    plain = fit["models"]["second"]["replica"]["from_model_K"]
+    found, apart_K = as_replica(read_run_test(folder), kept=["speed_cooling", "sensor_lag"])
+    assert [kind.card.id for kind in found.model.effects] == ["speed_cooling"]
+    assert found.values["speed_cooling.g"] > 0.0
+    assert apart_K < 0.1 * plain
 
 
 @pytest.mark.slow

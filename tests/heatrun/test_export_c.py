@@ -17,6 +17,7 @@ from heatrun.errors import InputError
 from heatrun.export import mat_bytes, network_variables
 from heatrun.export.c_file import CSource, Missed, export_c, in_comment
 from heatrun.export.network_course import read_network
+from heatrun.export.rerun import of_no_test, read_run_test
 from heatrun.model.catalogue import effects_named
 from heatrun.model.model import Model
 from heatrun.model.network_text import read_network as network_of_text
@@ -28,7 +29,10 @@ DATA = Path(__file__).parents[2] / "data" / "synthetic"
 COMPILER = shutil.which("gcc") or shutil.which("cc")
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-pedantic", "-O1"]
-MISSED = Missed(heat=0.01, heat_s=1200.0, slow_K=0.2, slow_s=60.0, white_K=0.03)
+MISSED = Missed(
+    heat=0.01, heat_s=1200.0, slow_K=0.2, slow_s=60.0, white_K=0.03, sensor_K=0.0, sink_K=0.0,
+    share=0.0, resolution_K=0.0,
+)  # fmt: skip
 SAID = {"run": "run", "sha256": "0" * 64, "machine": "bench", "network": "second order"}
 VALUES = {
     "Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625, "Rs0": 0.0062,
@@ -105,10 +109,15 @@ def replay(folder, made, *words):
         ("second", ("speed_cooling",), {}),
         ("second", ("fan_cooling",), {"fan_cooling.g": 0.8}),
         ("second", ("iron_loss_in_winding",), {"iron_loss_in_winding.q": 0.15}),
+        ("second", ("sensor_lag",), {"sensor_lag.tau": 20.0}),
+        ("second", ("ac_copper_loss", "iron_loss_in_winding"),
+         {"ac_copper_loss.k": 0.3, "iron_loss_in_winding.q": 0.15}),
+        ("second", ("stray_load_loss",), {"stray_load_loss.k": 60.0}),
         (network_of_text(TWO_SINKS, "sinks.toml"), (),
          {"P_mechanical_n": 30.0, "P_mechanical_n2": 5.0}),
     ],
-    ids=["first", "second", "four", "speed_cooling", "fan_cooling", "iron_loss", "two_sinks"],
+    ids=["first", "second", "four", "speed_cooling", "fan_cooling", "iron_loss", "sensor_lag",
+         "ac_copper", "stray", "two_sinks"],
 )  # fmt: skip
 def test_it_is_as_lptn(tmp_path, half_hour, machine, network, effects, values):
     made = source(half_hour, machine, network, effects, **values)
@@ -118,7 +127,10 @@ def test_it_is_as_lptn(tmp_path, half_hour, machine, network, effects, values):
 
 @needs_compiler
 def test_losses_of_a_map_come_on_top(tmp_path, half_hour, machine):
-    assert replay(tmp_path, source(half_hour, replace(machine, losses="map"))) < 1e-6
+    values = {"ac_copper_loss.k": 0.3, "stray_load_loss.k": 60.0, "iron_loss_in_winding.q": 0.15}
+    laws = ("ac_copper_loss", "stray_load_loss", "iron_loss_in_winding")
+    made = source(half_hour, replace(machine, losses="map"), "second", laws, **values)
+    assert replay(tmp_path, made) < 1e-6
 
 
 @needs_compiler
@@ -182,11 +194,10 @@ def observed(folder, made, start, sd, rows, *words):
 
 def run_observer(program, start, sd, rows):
     """Return what the program says, as `observed`."""
-    text = f"{start} {sd}\n" + "\n".join(" ".join(f"{x:.9g}" for x in row) for row in rows)
-    done = subprocess.run([program], input=text, capture_output=True, text=True, check=False)
+    done = subprocess.run([program, str(start), str(sd)], input=np.asarray(rows, float).tobytes(),
+                          capture_output=True, check=False)  # fmt: skip
     assert done.returncode == 0
-    found = np.array([line.split() for line in done.stdout.splitlines()], float)
-    assert len(found) == len(rows)
+    found = np.frombuffer(done.stdout).reshape(len(rows), -1)
     return found[:, 0:-2:2], found[:, 1:-2:2], found[:, -2], found[:, -1]
 
 
@@ -255,20 +266,62 @@ def test_the_band_holds_with_the_sensor_pulled_for_ten_minutes(tmp_path, steady,
 
 
 @needs_compiler
-@pytest.mark.parametrize(("fault", "named", "within_s"), [("stuck", 2, 120), ("off", 3, 20)])
+@pytest.mark.parametrize(
+    ("fault", "named", "within_s"),
+    [("stuck", 2, 120), ("off", 3, 20), ("noisy", 3, 60), ("lagging", 3, 60)],
+)
 def test_a_sensor_that_lies_is_found_and_counts_again_later(
     tmp_path, steady, machine, fault, named, within_s
 ):
     course, rows = hidden_machine(seed=3, num=3000)
-    if fault == "stuck":  # from the change of load on
-        rows[1800:2400, 3] = rows[1799, 3]
+    late = rows[1800:2400, 3]  # from the change of load on
+    if fault == "stuck":
+        late[:] = rows[1799, 3]
+    elif fault == "off":
+        late += 15.0
+    elif fault == "noisy":  # ten times the noise of `hidden_machine`
+        late += np.random.default_rng(1).normal(0.0, 2.4, late.size)
     else:
-        rows[1800:2400, 3] += 15.0
+        late += through_a_lag(course[1800:2400, 0], 60.0) - course[1800:2400, 0]
     T, sd, _, sensor = observed(tmp_path, source(steady, machine), 57.0, 5.0, rows)
     assert not sensor[:1800].any()
-    assert np.all(sensor[1800 + within_s : 2400] == named)
+    assert np.any(sensor[1800 : 1800 + within_s] == named)
+    if fault != "lagging":  # that is seen while the temperature changes
+        assert np.all(sensor[1800 + within_s : 2400] == named)
     assert np.all(np.abs(T - course)[1800:] < 4.0 * sd[1800:])
     assert not sensor[2500:].any()
+
+
+def through_a_lag(course, lag_s):
+    """Return what a sensor shows that follows a course, each second, by steps of 10 ms."""
+    fine = np.interp(np.arange(100 * (course.size - 1) + 1) / 100.0, range(course.size), course)
+    shown = [fine[0]]
+    for T in fine[:-1]:
+        shown.append(shown[-1] + (T - shown[-1]) * 0.01 / lag_s)
+    return np.array(shown[::100])
+
+
+@needs_compiler
+def test_a_lag_that_the_run_knows_is_no_fault(tmp_path, steady, machine):
+    course, rows = hidden_machine(seed=5)
+    rows[:, 3] += through_a_lag(course[:, 0], 25.0) - course[:, 0]
+    known = source(steady, machine, "second", ("sensor_lag",), **{"sensor_lag.tau": 25.0})
+    T, sd, _, sensor = observed(tmp_path, known, 57.0, 5.0, rows)
+    assert not sensor.any()
+    assert np.all(np.abs(T - course)[900:] < 3.0 * sd[900:])
+    _, _, _, sensor = observed(tmp_path, source(steady, machine), 57.0, 5.0, rows)
+    assert sensor.any(), "one that is not known is"
+
+
+@needs_compiler
+def test_errors_that_stay_widen_the_band_and_are_not_averaged_away(tmp_path, steady, machine):
+    course, rows = hidden_machine(seed=6, num=7200)
+    rows[:, 3] += 0.8
+    made = replace(source(steady, machine), missed=replace(MISSED, sensor_K=0.5, sink_K=0.5))
+    T, sd, _, sensor = observed(tmp_path, made, 57.0, 5.0, rows)
+    assert not sensor.any()
+    assert np.all(np.abs(T - course)[900:] < 3.0 * sd[900:])
+    assert np.all(sd[-600:, 0] > 0.45)  # two hours of readings, and as wide as the sensor
 
 
 @needs_compiler
@@ -421,6 +474,15 @@ def test_the_band_of_a_run_holds_on_other_loads(day, generator):
         assert set(sensor) == {0, 1, 4}  # no fault but the missing readings
         assert np.mean(np.abs(T - course)[is_pulled] < 1.96 * sd[is_pulled]) > 0.93
         assert np.all(sd[is_pulled] < 1.0)
+
+
+def test_what_changed_in_one_test_is_not_the_drives(day):
+    found = read_run_test(Path("run"))
+    assert of_no_test(found) is found
+    changed = replace(found, values={**found.values, "Req_w_change": -0.1, "Ceq_w_change": 0.1})
+    other = of_no_test(changed)
+    assert other.values == found.values
+    assert set(other.predicted.nodes_95) == set(found.predicted.nodes_95)
 
 
 @pytest.mark.parametrize(

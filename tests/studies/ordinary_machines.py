@@ -9,7 +9,7 @@ same march, driven by what the bench reads, is fitted to it: what the true struc
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -423,32 +423,58 @@ class Case:
         }  # fmt: skip
 
 
-def make(kind: str, seed: int) -> Case:
-    """Return the case of a seed."""
+def make(kind: str, seed: int, *, is_plain: bool = False) -> Case:
+    """Return the case of a seed; a plain one is without its imperfections."""
     rng = np.random.default_rng(seed)
     machine = drawn_machine(kind, rng)
-    p, rated = machine.physics, machine.rated
+    machine = plain(machine) if is_plain else machine
+    p = machine.physics
     first = str(rng.choice(["staircase", "S3"]))
     others = [str(n) for n in rng.permutation([n for n in ("staircase", "S3", "S1") if n != first])]
     tests = [first, *others] if rng.random() < 0.7 else [first, others[-1]]
-    courses = {name: _course(machine, loads(machine, name, rng), rng) for name in tests}
-    fine = [driven(machine, course) for course in courses.values()]
+    courses = {name: course_of(machine, loads(machine, name, rng), rng) for name in tests}
+    variants = [p | {"offset_Nm": 0.0}]  # it is in the readings, not in the machine
+    for cause in machine.present:
+        offset = -p["offset_Nm"] if cause == "torque" else 0.0
+        variants.append(without(machine, cause, machine.rise_K) | {"offset_Nm": offset})
+    seen = run_courses(machine, variants, list(courses.values()))
+    apart = {cause: [each[place] - each[0] for each in seen]
+             for place, cause in enumerate(machine.present, 1)}  # fmt: skip
+    alone = {
+        cause: float(np.sqrt(np.mean(np.concatenate(each[:-1]) ** 2)))
+        for cause, each in apart.items()
+    }
+    bench = bench_of(machine, rng)
+    read = {name: read_by(machine, course, bench, rng) for name, course in courses.items()}
+    return Case(machine, read, courses, alone, bench)
+
+
+def plain(machine: Machine) -> Machine:
+    """Return a machine without its imperfections, else as alike as can be."""
+    for cause in machine.present:
+        machine = replace(machine, physics=without(machine, cause, machine.rise_K))
+    return replace(machine, drawn=())
+
+
+def run_courses(
+    machine: Machine, variants: Sequence[Physics], courses: Sequence[Columns]
+) -> list[list[np.ndarray]]:
+    """Put into each course what is true of the first variant: nodes, sensor and losses.
+
+    Returns:
+        What the sensor of each variant shows after each step [degC], by course and variant.
+    """
+    p, rated = machine.physics, machine.rated
+    fine = [driven(machine, course) for course in courses]
     for drive in fine:
         drive["friction"] = rated["friction_W"] * drive["cooling"] ** (1.7 / 0.8)
         drive["known"] = rated["iron_W"] * drive["iron"] + rated["rotor_W"] * drive["rotor"]
         drive["known"] = drive["known"] + p["stray_W"] * drive["stray"]
     drives = [{name: _means(each, FINE) for name, each in drive.items()} for drive in fine]
-    variants = [p | {"offset_Nm": 0.0}]  # it is in the readings, not in the machine
-    for cause in machine.present:
-        offset = -p["offset_Nm"] if cause == "torque" else 0.0
-        variants.append(without(machine, cause, machine.rise_K) | {"offset_Nm": offset})
-    marched = march(machine, variants, drives, STEP_S)
-    apart: dict[str, list[np.ndarray]] = {cause: [] for cause in machine.present}
-    for test, (course, drive) in enumerate(zip(courses.values(), fine, strict=True)):
+    marched, found = march(machine, variants, drives, STEP_S), []
+    for test, (course, drive) in enumerate(zip(courses, fine, strict=True)):
         T = marched[: course["time"].size // FINE + 1, :, test]
         seen = [lagged(T[:, 0, lane], q["lag_s"], STEP_S) for lane, q in enumerate(variants)]
-        for cause, other in zip(machine.present, seen[1:], strict=True):
-            apart[cause].append(other - seen[0])
         course["winding"], course["stator"], course["sensor"] = (
             np.interp(course["time"], STEP_S * np.arange(len(T)), each)
             for each in (T[:, 0, 0], T[:, 1, 0], seen[0])
@@ -457,16 +483,11 @@ def make(kind: str, seed: int) -> Case:
         warm = 1.0 + PER_KELVIN * (course["winding"] - 20.0)
         losses = machine.phases * p["ohm"] * warm * drive["current2"] + drive["known"]
         course["losses"] = losses + drive["friction"] * stiffness(course["stator"])
-    alone = {
-        cause: float(np.sqrt(np.mean(np.concatenate(each[:-1]) ** 2)))
-        for cause, each in apart.items()
-    }
-    bench = _bench(machine, rng)
-    read = {name: _read(machine, course, bench, rng) for name, course in courses.items()}
-    return Case(machine, read, courses, alone, bench)
+        found.append(seen)
+    return found
 
 
-def _course(machine: Machine, rows: np.ndarray, rng: np.random.Generator) -> Columns:
+def course_of(machine: Machine, rows: np.ndarray, rng: np.random.Generator) -> Columns:
     """Return time, torque, speed, current and sink of a test, `FINE` times to a step."""
     edges = np.concatenate([[0.0], np.cumsum(rows[:, 0])])
     time = np.arange(int(edges[-1] / STEP_S) * FINE) * STEP_S / FINE
@@ -490,7 +511,7 @@ def _course(machine: Machine, rows: np.ndarray, rng: np.random.Generator) -> Col
             "amps": load * rated["A"], "sink": sink}  # fmt: skip
 
 
-def _bench(machine: Machine, rng: np.random.Generator) -> dict[str, float]:
+def bench_of(machine: Machine, rng: np.random.Generator) -> dict[str, float]:
     """Return instruments of usual classes: 0.3 % of current, 0.1 % of power, 0.2 % of torque."""
     sd = {"amps": 0.0015, "watts": 0.0006, "torque": 0.0008, "zero_Nm": 3e-4 * machine.rated["Nm"],
           "ohm": 0.005, "gain": 0.003, "offset_K": 0.25, "sink_K": 0.25}  # fmt: skip
@@ -503,7 +524,7 @@ def _bench(machine: Machine, rng: np.random.Generator) -> dict[str, float]:
     }  # fmt: skip
 
 
-def _read(
+def read_by(
     machine: Machine, course: Columns, bench: dict[str, float], rng: np.random.Generator
 ) -> Columns:
     """Return what the logger writes of a test."""

@@ -72,7 +72,8 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     parser.add_argument(
         "--replica",
         action="store_true",
-        help="the plain network nearest to a model with effects, for tools that take four numbers",
+        help="the plain network nearest to a model with effects, for tools that take four numbers; "
+        "--to c keeps the effects whose laws it holds",
     )
     parser.add_argument(
         "--corrected",

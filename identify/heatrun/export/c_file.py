@@ -14,24 +14,36 @@ from string import Template
 from typing import Any
 
 import numpy as np
+from scipy.optimize import nnls
 
 from ..errors import InputError
 from ..io.whole_files import numbered
 from ..model.model import Model
 from ..record.samples import BLOCK_S
-from ..results.model import FittedNoise
+from ..results.model import FittedModel
 from ..results.values import known
-from ..runs.run import open_run
+from ..runs.run import Run, open_run
 from ..version import __version__
 from .contents import NETWORK, mat_bytes, write_export
 from .network_course import read_network, simulate_held
 from .network_file import SIGNALS
-from .rerun import Predicted, as_replica, effects_of, read_run_test
+from .rerun import (
+    Predicted,
+    RunAndTest,
+    as_replica,
+    effects_of,
+    of_no_test,
+    read_run_test,
+)
 
 HEADER, SOURCE, HARNESS, VECTORS = "thermal_network.h", "thermal_network.c", "main.c", "vectors.csv"
 
-LAWS = ("speed_cooling", "fan_cooling", "iron_loss_in_winding", "speed_loss")
-"""Effects whose laws the source holds."""
+LAWS = ("speed_cooling", "fan_cooling", "ac_copper_loss", "iron_loss_in_winding",
+        "stray_load_loss", "speed_loss", "sensor_lag")  # fmt: skip
+"""Effects whose laws the source holds; that of the sensor is in the observer."""
+
+BY_SPEED = {"speed_cooling", "ac_copper_loss", "stray_load_loss", "speed_loss"}
+"""Those that take the speed."""
 
 STEP_S = 1.0
 
@@ -42,8 +54,9 @@ fourth order then errs by 0.02^4/120, some 1e-9 of a change."""
 MOST_PARTS = 1000
 """More parts than this cost a drive too much."""
 
-MOST_STATES = 9
-"""States of an observer in less than 1 kB: 9 x 9 numbers of 8 bytes, and what goes with them."""
+MOST_STATES = 13
+"""States of an observer in less than 1 kB: 13 x 14 / 2 numbers of 8 bytes, and what goes with
+them."""
 
 VECTOR_S = 7200.0
 """Length of the vectors at most [s]."""
@@ -61,15 +74,20 @@ INPUTS = {"Is": "current_A", "Pd": "losses_W", "Pol": "losses_W", "Te": "sink_de
 
 @dataclass(frozen=True)
 class Missed:
-    """What the observer knows of noise and of heat that the network misses.
+    """What the observer knows of noise, of heat that the network misses, and of constant errors.
 
     Attributes:
-        heat: Standard deviation of the heat over the mean loss [1]; with the uncertainty of the
-            parameters, as a share of the rise.
+        heat: Standard deviation of the heat over the mean loss [1].
         heat_s: Its correlation time [s].
         slow_K: Standard deviation of the slow part of the readings' noise [K].
         slow_s: Its correlation time [s].
         white_K: Standard deviation of the white part in a mean of `BLOCK_S` [K].
+        sensor_K: Standard deviation of the constant error of the sensor [K].
+        sink_K: Standard deviation of a temperature from the parameters that there is without a rise
+            [K].
+        share: That of a rise from the parameters, over the rise [1].
+        resolution_K: Step of the readings [K].
+        answer: Standard deviation of a change soon after a step of the load, over the change [1].
     """
 
     heat: float
@@ -77,30 +95,53 @@ class Missed:
     slow_K: float
     slow_s: float
     white_K: float
+    sensor_K: float
+    sink_K: float = 0.0
+    share: float = 0.0
+    resolution_K: float = 0.0
+    answer: float = 0.0
 
     @classmethod
-    def of(cls, noise: FittedNoise, model: Model, spread: float) -> Missed:
+    def of(
+        cls, run: Run, network: str | None, found: RunAndTest, predicted: Predicted | None,
+        bias_K: float,
+    ) -> Missed:  # fmt: skip
         """Return what a run says of a network.
 
         Args:
-            noise: Of its residuals.
-            model: The network.
-            spread: Standard deviation of a rise from the parameters, over the rise [1].
+            run: The run.
+            network: Name of the network; None for the last one.
+            found: The test that is exported.
+            predicted: What the run predicts of it.
+            bias_K: RMS by which a simpler network is elsewhere: readings stray from it so far.
         """
-        said = model.adequacy
-        heat = known(noise.unmodelled_heat)
-        heat = math.hypot(said.unmodelled_heat if heat is None else heat, spread)
-        return cls(heat, said.heat_time_s, noise.sd_K, noise.time_s, noise.white_K)
+        model, record = run.result.models[run.choose(network)], found.record
+        noise = model.noise
+        said, heat = found.model.adequacy, known(noise.unmodelled_heat)
+        heat = said.unmodelled_heat if heat is None else heat
+        slow = math.hypot(noise.sd_K, bias_K)
+        priors = run.model(network).parameters.by_test[0]
+        sink = record[f"{found.motor.sink}_degC"]
+        # a drive's sensors are of the class of the bench's, and need not be the same ones
+        offset, gain = (
+            priors[name].sd if name in priors else 0.0 for name in ("sensor_offset", "sensor_gain")
+        )
+        rise = float(np.sqrt(np.nanmean((record["winding_degC"] - sink) ** 2)))
+        ours = priors.get("ambient_offset")
+        sink_K, share = _spread(predicted, found.model.form.nodes, float(np.nanmean(sink)), bias_K)
+        return cls(heat, said.heat_time_s, slow, noise.time_s, noise.white_K,
+                   math.hypot(offset, gain * rise), max(sink_K, ours.sd if ours else 0.0), share,
+                   max(each.resolution_K for each in found.blocks.loggers),
+                   _least_known(model, found.model))  # fmt: skip
 
-    def reading(self, step: float) -> tuple[float, float]:
-        """Return the variance of one reading, and that of white noise as strong over minutes [K^2].
+    def reading(self, step: float) -> float:
+        """Return the standard deviation of the white part of one reading [K].
 
         Args:
             step: Time between readings [s].
         """
         white = self.white_K**2 * max(1.0, BLOCK_S / step)
-        slow = self.slow_K**2
-        return slow + white + 1e-6, slow * max(1.0, 2.0 * self.slow_s / step) + white + 1e-6
+        return math.sqrt(max(white, self.resolution_K**2 / 12.0) + 1e-6)
 
 
 def export_c(
@@ -121,7 +162,7 @@ def export_c(
             another export.
         test: As `read_run_test`.
         network: As `read_run_test`.
-        is_replica: Whether the plain network nearest to a model with effects goes in its place.
+        is_replica: Whether the nearest network with `LAWS` alone goes in its place.
         is_replacing: Whether another export in `folder` is replaced.
         step: Length of a step [s].
 
@@ -135,18 +176,15 @@ def export_c(
     """
     if not is_replica:
         refuse_lawless(effects_of(run, network), str(run))
+    is_replica = bool(lacking_laws(effects_of(run, network)))
     opened = open_run(run)
-    result = opened.result.models[opened.choose(network)]
-    whole = read_run_test(run, test=test, network=network)
-    found = as_replica(whole, network) if is_replica else whole
+    whole = of_no_test(read_run_test(run, test=test, network=network), network)
+    found, bias = as_replica(whole, network, LAWS) if is_replica else (whole, 0.0)
     variables, notes = NETWORK.variables(found)
-    sink = float(np.mean(variables["Te"]))
-    nearest = known(result.replica)
-    spread = _spread(whole.predicted, sink, nearest.from_model_K if is_replica and nearest else 0.0)
     title = found.model.title
     source = CSource.of(
         read_network(mat_bytes(variables)),
-        Missed.of(result.noise, found.model, spread),
+        Missed.of(opened, network, found, whole.predicted, bias),
         {
             "run": run.resolve().name,
             "sha256": opened.manifest["files"]["fit.json"],
@@ -178,19 +216,23 @@ def export_c(
     }
 
 
+def lacking_laws(ids: Iterable[str]) -> list[str]:
+    """Return the effects whose laws the source does not hold."""
+    return sorted({name for name in ids if name not in LAWS})
+
+
 def refuse_lawless(ids: Iterable[str], where: str) -> None:
     """Refuse effects whose laws the source does not hold.
 
     Raises:
         InputError: With their names.
     """
-    lacking = sorted({name for name in ids if name not in LAWS})
-    if lacking:
+    if lacking := lacking_laws(ids):
         raise InputError(
             f"the C source does not hold the law of {', '.join(lacking)}, only those of "
             f"{', '.join(LAWS)}.",
             where=where,
-            remedy="Pass --replica for the plain network nearest to the model, or export --to mat.",
+            remedy="Pass --replica for the nearest network without them, or export --to mat.",
         )
 
 
@@ -248,7 +290,7 @@ class CSource:
     def inputs(self) -> list[str]:
         """Names in `network.mat` of what drives this network, in the order of the struct."""
         laws = {each["id"] for each in np.atleast_1d(self.found["effects"])}
-        is_used = {"speed_rpm": bool(laws & {"speed_cooling", "speed_loss"}),
+        is_used = {"speed_rpm": bool(laws & BY_SPEED),
                    "fan": "fan_cooling" in laws}  # fmt: skip
         return [name for name in INPUTS if name in self.found and is_used.get(name, True)]
 
@@ -262,7 +304,14 @@ class CSource:
     @property
     def num_states(self) -> int:
         """Number of states of an observer."""
-        return len(self.nodes) + len(self.heated)
+        return len(self.nodes) + len(self.heated) + 4 + (self.lag_s > 0.0)
+
+    @property
+    def lag_s(self) -> float:
+        """Time constant of the sensor [s], 0 for one that does not lag."""
+        effects = np.atleast_1d(self.found["effects"])
+        return sum(float(each["parameters"]["tau"]) for each in effects
+                   if each["id"] == "sensor_lag")  # fmt: skip
 
     @property
     def has_observer(self) -> bool:
@@ -360,6 +409,8 @@ class CSource:
         by_link = {name: np.zeros(len(links)) for name in ("speed_gain", "speed_exponent",
                                                            "fan_gain")}  # fmt: skip
         by_node = {name: np.zeros(len(nodes)) for name in ("speed_linear", "speed_square")}
+        is_balance, plain = found["losses"] == "balance", share.copy()
+        ac_copper = stray = moved = 0.0
         for effect in np.atleast_1d(found["effects"]):
             q = effect["parameters"]
             if effect["id"] == "speed_cooling":
@@ -368,13 +419,18 @@ class CSource:
             elif effect["id"] == "fan_cooling":
                 by_link["fan_gain"][links.index(tuple(effect["link"]))] = q["g"]
             elif effect["id"] == "iron_loss_in_winding":
-                share *= 1.0 - q["q"]
-                share[copper] += q["q"]
-            else:
+                moved = q["q"]
+                share = (1.0 - moved) * share + moved * (np.arange(len(nodes)) == copper)
+            elif effect["id"] == "ac_copper_loss":
+                ac_copper = q["k"]
+            elif effect["id"] == "stray_load_loss":
+                stray = q["k"] / found["rated_current_A"] ** 2
+            elif effect["id"] != "sensor_lag":  # it is the observer's alone
                 place = nodes.index(effect["node"])
                 by_node["speed_linear"][place] += q["linear"]
                 by_node["speed_square"][place] += q["square"]
-        is_balance = found["losses"] == "balance"
+        if is_balance:  # what is moved is a share of the other losses without these two
+            ac_copper, stray = ac_copper / (1.0 - moved), stray / (1.0 - moved)
         per_square = found["phases"] * found["Rs0"] / (found["B"] + found["Tref"])
         return {
             "other_words": "losses - Pjs" if is_balance else "as given",
@@ -384,11 +440,14 @@ class CSource:
             "is_balance": str(int(is_balance)),
             "capacitance": _reals(np.atleast_1d(found["capacitance"])),
             "share": _reals(share),
+            "stray_share": _reals(0.0 * plain if is_balance else plain),
             "first": ", ".join(str(ends.index(a)) for a, _ in links),
             "second": ", ".join(str(ends.index(b)) for _, b in links),
             "conductance": _reals(1.0 / np.atleast_1d(found["resistance"])),
             "coefficient": repr(float(found["B"])),
             "copper_slope": repr(float(per_square)),
+            "ac_copper": repr(float(ac_copper)),
+            "stray": repr(float(stray)),
             "rated_speed": repr(float(found["rated_speed_rpm"])),
             **{name: _reals(values) for name, values in {**by_link, **by_node}.items()},
         }
@@ -399,38 +458,69 @@ class CSource:
         if found["losses"] == "map":
             losses += found["phases"] * found["Rs0"] * float(np.mean(found["Is"] ** 2))
         losses = max(abs(losses), 1e-3)
-        once, over_minutes = self.missed.reading(self.step)
+        sensed = self.nodes.index(found["sensor"]["node"])
+        keep = math.exp(-self.step / self.lag_s) if self.lag_s else 0.0
         lightest = min(np.atleast_1d(found["capacitance"])[self.heated])
-        sd = math.sqrt(once)
+        missed, white = self.missed, self.missed.reading(self.step)
         return {
             "num_heats": str(len(self.heated)),
             "heated": ", ".join(map(str, self.heated)),
-            "sensed": str(self.nodes.index(found["sensor"]["node"])),
-            "reading_sd": f"{sd:.6g}",
-            "noise_steps": repr(over_minutes / once),
-            "stuck": f"{LEAST_STUCK_K + 4.0 * sd:.4g}",
-            "heat_sd": repr(self.missed.heat * losses),
-            "heat_decay": repr(math.exp(-self.step / self.missed.heat_s)),
+            "sensed": str(sensed),
+            "reading_sd": f"{white:.6g}",
+            "slow_sd": f"{missed.slow_K:.6g}",
+            "slow_decay": repr(math.exp(-self.step / missed.slow_s)),
+            "has_lag": str(int(self.lag_s > 0.0)),
+            "lag_decay": repr(keep),
+            "lag_mean": repr(self.lag_s / self.step * (1.0 - keep)),
+            "sensor_sd": f"{missed.sensor_K:.6g}",
+            "stuck": f"{LEAST_STUCK_K + 4.0 * math.hypot(white, missed.slow_K):.4g}",
+            "heat_sd": repr(missed.heat * losses),
+            "sink_sd": repr(missed.sink_K),
+            "share_sd": repr(missed.share),
+            "answer_sd": repr(missed.answer),
+            "answer_decay": repr(math.exp(-self.step * _rates(found)[sensed])),
+            "heat_decay": repr(math.exp(-self.step / missed.heat_s)),
             "blind": repr(float(self.step * losses / lightest)),
         }
 
 
-def _spread(predicted: Predicted | None, sink: float, bias: float) -> float:
-    """Return the standard deviation of a rise over the rise, of the node that is known least [1].
+def _spread(
+    predicted: Predicted | None, nodes: Sequence[str], sink: float, bias: float
+) -> tuple[float, float]:
+    """Return the standard deviation of a temperature from the parameters, in two parts.
 
     Args:
         predicted: What the run predicts of its test.
+        nodes: Those of the network.
         sink: Mean temperature of the sink [degC].
         bias: RMS by which a simpler network is elsewhere [K].
+
+    Returns:
+        That which there is without a rise [K], and that of a rise over the rise [1].
     """
     if predicted is None:
-        return 0.0
-    spreads = [0.0]
-    for node, median in predicted.nodes.items():
+        return 0.0, 0.0
+    squares, variances = [], []
+    for node in nodes:
+        median = predicted.nodes[node]
         lower, upper = map(np.asarray, predicted.nodes_95[node])
-        variance = np.mean((upper - lower) ** 2) / (2 * 1.96) ** 2 + bias**2
-        spreads.append(float(np.sqrt(variance / max(np.mean((median - sink) ** 2), 1.0))))
-    return max(spreads)
+        squares.append((median - sink) ** 2)
+        variances.append(((upper - lower) / (2 * 1.96)) ** 2)
+    square = np.concatenate(squares)
+    both = np.column_stack([np.ones(square.size), square])
+    (at_rest, by_rise), _ = nnls(both, np.concatenate(variances))
+    half = 0.5 * bias**2  # nothing says whether it goes with the rise
+    by_rise += half / max(float(np.mean(square)), 1.0)
+    return math.sqrt(at_rest + half), math.sqrt(by_rise)
+
+
+def _least_known(fitted: FittedModel, model: Model) -> float:
+    """Return the largest relative standard deviation of what shapes a change: capacities,
+    resistances and the lag of a sensor [1].
+    """
+    names = {each.name for each in model.form.parameters} | {"sensor_lag.tau"}
+    return max((each.sd / abs(each.value) for name, each in fitted.parameters.items()
+                if name in names and each.value), default=0.0)  # fmt: skip
 
 
 def in_comment(text: str) -> str:
@@ -456,9 +546,23 @@ def _fastest(found: Mapping[str, Any]) -> float:
         if "link" in effect:  # a conductance that rises, at twice its rated speed
             place = links.index(tuple(effect["link"]))
             conductance[place] *= 1.0 + 2.0 * effect["parameters"]["g"]
-    by_node = [sum(g for g, link in zip(conductance, links, strict=True) if node in link)
-               for node in nodes]  # fmt: skip
-    return float(np.max(2.0 * np.array(by_node) / np.atleast_1d(found["capacitance"])))
+    return float(np.max(2.0 * _by_node(conductance, links, nodes) / found["capacitance"]))
+
+
+def _rates(found: Mapping[str, Any]) -> np.ndarray:
+    """Return how fast each node goes to what surrounds it [1/s], shape (node,)."""
+    nodes = [str(node) for node in np.atleast_1d(found["nodes"])]
+    conductance = 1.0 / np.atleast_1d(found["resistance"])
+    return _by_node(conductance, _links(found), nodes) / np.atleast_1d(found["capacitance"])
+
+
+def _by_node(
+    conductance: np.ndarray, links: Sequence[tuple[str, ...]], nodes: Sequence[str]
+) -> np.ndarray:
+    return np.array([
+        sum(g for g, link in zip(conductance, links, strict=True) if node in link)
+        for node in nodes
+    ])  # fmt: skip
 
 
 def _links(found: Mapping[str, Any]) -> list[tuple[str, ...]]:

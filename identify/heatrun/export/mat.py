@@ -70,7 +70,7 @@ def export_mat(
     if not is_replica:
         refuse_unknown(effects_of(run, network), str(run))
     found = read_run_test(run, test=test, network=network)
-    found = as_replica(found, network) if is_replica else found
+    found = as_replica(found, network)[0] if is_replica else found
     places = [folder] if folder else numbered(run, run / "mat")
     return _export(found, places, is_corrected, is_replacing)
 
@@ -110,7 +110,7 @@ def export_test(
     if source.is_dir() and not is_replica:
         refuse_unknown(effects_of(source, network), str(source))
     found = read_new_test(source, test, motor=motor, network=network)
-    found = as_replica(found, network) if is_replica else found
+    found = as_replica(found, network)[0] if is_replica else found
     places = [folder] if folder else numbered(Path(f"{found.record.name}_mat"))
     return _export(found, places, is_corrected, is_replacing)
 

@@ -12,7 +12,7 @@ Reference: G. Agostino, Powertrain Retrofit kit testing and thermal modeling, Po
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,12 +21,13 @@ import numpy as np
 
 from ..errors import InputError, UsageError
 from ..io.toml_text import parse_toml
-from ..model.model import Model
+from ..model.model import Model, change_name
 from ..readers.joined import files_of, read_test
 from ..record.blocks import Blocks
 from ..record.motor import Motor
 from ..record.record import Record
 from ..results.values import known
+from ..runs.replica import replica
 from ..runs.run import Run, RunTest, model_name, open_run
 from ..simulation import predict_values, read_driven, read_parameters
 from .variables import Corrections
@@ -140,15 +141,36 @@ def of_record(
                       predicted=predicted)  # fmt: skip
 
 
-def as_replica(found: RunAndTest, network: str | None = None) -> RunAndTest:
-    """Return a test of a run with the plain network nearest to the run's model with effects.
+def of_no_test(found: RunAndTest, network: str | None = None) -> RunAndTest:
+    """Return a test as the run predicts any other, where its tests ask for different parameters.
 
-    As `heatrun.runs.result` has it: instruments are exact but for what the test's own inputs tell,
+    Args:
+        found: From `read_run_test`.
+        network: Name of the network; None for the last one of the run.
+    """
+    shared = {n: v for n, v in found.values.items() if not n.endswith(change_name(""))}
+    if len(shared) == len(found.values):
+        return found
+    run, other = open_run(found.run), replace(found.record, name=f"not {found.record.name}")
+    new = of_record(run, other, found.motor, network, is_held_out=True)
+    return replace(found, values=shared, predicted=new.predicted)
+
+
+def as_replica(
+    found: RunAndTest, network: str | None = None, kept: Collection[str] = ()
+) -> tuple[RunAndTest, float]:
+    """Return a test of a run with the network of fewer effects nearest to the run's model.
+
+    As `heatrun.runs.replica` has it: instruments are exact but for what the test's own inputs tell,
     starts are the model's.
 
     Args:
         found: From `read_run_test` or `of_record`.
         network: Name of the network; None for the last one of the run.
+        kept: Ids of effects that a tool takes.
+
+    Returns:
+        The test, and how far the network is from the model, RMS over the fitted tests [K].
 
     Raises:
         InputError: If the run holds none.
@@ -156,6 +178,11 @@ def as_replica(found: RunAndTest, network: str | None = None) -> RunAndTest:
     run = open_run(found.run)
     name = run.choose(network)
     nearest = known(run.result.models[name].replica)
+    left = tuple(kind for kind in found.model.effects if kind.card.id in kept)
+    if left:  # the run holds the plain one
+        read = [run.predict(read_test_of_run(run, test), network=name) for test in run.tests]
+        priors = run.model(network).parameters.by_test[0]
+        nearest = replica(found.model, priors, read, [kind.card.id for kind in left])
     if nearest is None:
         raise InputError(
             f"the {found.model.title} of this run has no replica: that is the plain network for "
@@ -168,21 +195,23 @@ def as_replica(found: RunAndTest, network: str | None = None) -> RunAndTest:
         for each, parameter in run.model(network).parameters.by_test[0].items()
         if parameter.role == "instrument" and each in Corrections.__dataclass_fields__
     }
-    values = {each: value for each, value in found.values.items() if "." not in each}
-    left_out = ", ".join(kind.card.id for kind in found.model.effects)
+    values = {each: value for each, value in found.values.items()
+              if "." not in each or each.split(".")[0] in kept}  # fmt: skip
+    left_out = ", ".join(kind.card.id for kind in found.model.effects if kind not in left)
     errors = ", ".join(f"{test} {error:.2f} K" for test, error in nearest.rmse_K.items())
     note = (
-        f"Replica for tools that take no effects, not a result: {nearest.numbers()}. It follows "
-        f"the model, which has {left_out}, within {nearest.from_model_K:.2f} K (RMS); its own "
+        f"Replica for tools that take fewer effects, not a result: {nearest.numbers()}. It follows "
+        f"the model, which also has {left_out}, within {nearest.from_model_K:.2f} K (RMS); its own "
         f"RMSE: {errors}."
     )
-    return replace(
+    changed = replace(
         found,
-        model=replace(found.model, effects=()),
+        model=replace(found.model, effects=left),
         values=values | exact | nearest.parameters,
         notes=(*found.notes, note),
         predicted=None,
     )
+    return changed, nearest.from_model_K
 
 
 def effects_of(run: Path, network: str | None = None) -> tuple[str, ...]:
@@ -251,7 +280,9 @@ def _refuse_negative(values: Mapping[str, float], run: Path) -> None:
     bad = [
         name
         for name, value in values.items()
-        if name.startswith(("Ceq", "Req", "Rs0")) and not 0.0 < value < math.inf
+        if name.startswith(("Ceq", "Req", "Rs0"))
+        and not name.endswith(change_name(""))  # a logarithm
+        and not 0.0 < value < math.inf
     ]
     if bad:
         raise InputError(

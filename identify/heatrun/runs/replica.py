@@ -1,11 +1,11 @@
 """Simpler networks that come nearest to a model, for tools that take no more.
 
-The plain network nearest to a model with effects; any other network, heated as a tool heats it.
+The network nearest to a model with more effects; any other network, heated as a tool heats it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 from ..model.bodies import OWN, own_name
 from ..model.courses import block_means
 from ..model.model import Model
-from ..posterior.posterior import Posterior
+from ..model.parameters import Parameter
 from ..posterior.predict import Prediction
 from ..record.blocks import Blocks
 from ..record.observation import Observation
@@ -120,32 +120,39 @@ def nearest(
     return Nearest(named(found.x), tuple(apart), found.jac, weight(np.concatenate(apart)))
 
 
-def replica(posterior: Posterior, predictions: Sequence[Prediction]) -> Replica | None:
-    """Return the plain network that behaves most like a model with effects over its fitted tests.
+def replica(
+    model: Model,
+    parameters: Mapping[str, Parameter],
+    predictions: Sequence[Prediction],
+    kept: Collection[str] = (),
+) -> Replica | None:
+    """Return the network with fewer effects that behaves most like a model on its fitted tests.
 
     Its resistances and capacities are those that bring its winding nearest to the model's, with
     exact instruments and the model's start temperatures. None where the model has no effects.
 
     Args:
-        posterior: Draws of the model.
+        model: The network with its effects.
+        parameters: All that were estimated, as a test sees them, by name.
         predictions: Of all tests.
+        kept: Ids of effects that it keeps as they are; without any it is the plain network.
     """
-    model, problem = posterior.fit.problem.model, posterior.fit.problem
     tests = [p for p in predictions if p.is_there]
     fitted = [p for p in tests if not p.is_held_out]
     names = [p.name for p in model.form.parameters if p.fixed is None]
     if not model.effects or not fitted:
         return None
-    plain = replace(model, effects=())
+    plain = replace(model, effects=tuple(e for e in model.effects if e.card.id in kept))
     own_names = {own_name(name) for name in OWN}  # a test's own: its inputs without these mislead
     exact = {
         name: parameter.centre
-        for name, parameter in problem.parameters.by_test[0].items()
+        for name, parameter in parameters.items()
         if parameter.role == "instrument" and name not in own_names
     }
 
     def followed(each: Prediction) -> Followed:
-        own = {n: v for n, v in each.middle.items() if n not in exact and "." not in n}
+        own = {n: v for n, v in each.middle.items()
+               if n not in exact and ("." not in n or n.split(".")[0] in kept)}  # fmt: skip
         return Followed(each.test, each.median, exact | own)
 
     courses = {each.test.name: followed(each) for each in tests}

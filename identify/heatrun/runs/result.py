@@ -185,7 +185,12 @@ def describe_model(
         derived=part("the ratings", lambda: derive(posterior, duties), {}),
         evidence=part("the evidence", lambda: _evidence(posterior), _no_evidence(fit)),
         maybe_missing=_maybe_missing(posterior),
-        replica=part("the replica", lambda: replica(posterior, predictions), None) or UNSET,
+        replica=part(
+            "the replica",
+            lambda: replica(fit.problem.model, fit.problem.parameters.by_test[0], predictions),
+            None,
+        )
+        or UNSET,
         load=part("the load of the tests", lambda: _load(fit), UNSET),
     )
 

@@ -1,7 +1,8 @@
 /* heatrun export: the laws of thermal_network.h
  *
  * Each node:    C dT/dt = heat - flows out + flows in,  flow = g (T - T of the other end)
- * Copper loss:  Pjs = phases Rs0 I^2 (B + T)/(B + Tref), T of the copper node
+ * Copper loss:  Pjs = phases Rs0 I^2 (1 + k s^2) (B + T)/(B + Tref), T of the copper node
+ * Stray loss:   k' I^2 s^1.5, s speed over the rated one; in the copper node where losses hold all
  * Other losses: $other_words, shared to the nodes
  *
  * Classical Runge-Kutta in HEATRUN_PARTS equal parts of a step. The matrix of the network depends
@@ -19,6 +20,7 @@
 
 static const heatrun_real CAPACITANCE_J_PER_K[NUM_NODES] = {$capacitance};
 static const heatrun_real SHARE[NUM_NODES] = {$share};
+static const heatrun_real STRAY_SHARE[NUM_NODES] = {$stray_share}; /* where it is no copper loss */
 static const int FIRST_END[NUM_LINKS] = {$first};
 static const int SECOND_END[NUM_LINKS] = {$second};
 static const heatrun_real CONDUCTANCE_W_PER_K[NUM_LINKS] = {$conductance};
@@ -30,6 +32,8 @@ static const heatrun_real SPEED_GAIN[NUM_LINKS] = {$speed_gain};
 static const heatrun_real SPEED_EXPONENT[NUM_LINKS] = {$speed_exponent};
 static const heatrun_real SPEED_LOSS_W[NUM_NODES] = {$speed_linear};
 static const heatrun_real SPEED_SQUARED_LOSS_W[NUM_NODES] = {$speed_square};
+static const heatrun_real AC_COPPER = R($ac_copper);
+static const heatrun_real STRAY_W_PER_A2 = R($stray);
 #endif
 #if HEATRUN_HAS_FAN
 static const heatrun_real FAN_GAIN[NUM_LINKS] = {$fan_gain};
@@ -38,7 +42,9 @@ static const heatrun_real FAN_GAIN[NUM_LINKS] = {$fan_gain};
 /* What stays the same during a step. */
 typedef struct {
     heatrun_real coefficient_degC;
-    heatrun_real copper_W_per_K;
+    heatrun_real copper_W_per_A2_K;
+    heatrun_real stray_W_per_A2;
+    heatrun_real square_A2; /* of the current */
     heatrun_real losses_W;
     heatrun_real copper_in_losses; /* 1 where losses_W holds the copper loss, else 0 */
     heatrun_real sinks_degC[2];
@@ -125,7 +131,15 @@ static void prepare(const heatrun_inputs *inputs, drive *at)
         inputs->speed_rpm < R(0.0) ? -inputs->speed_rpm : inputs->speed_rpm;
 #endif
     at->coefficient_degC = COEFFICIENT_DEGC;
-    at->copper_W_per_K = COPPER_W_PER_A2_K*inputs->current_A*inputs->current_A;
+    at->square_A2 = inputs->current_A*inputs->current_A;
+    at->copper_W_per_A2_K = COPPER_W_PER_A2_K;
+    at->stray_W_per_A2 = R(0.0);
+#if HEATRUN_HAS_SPEED
+    at->copper_W_per_A2_K *= R(1.0) + AC_COPPER*speed*speed/(RATED_SPEED_RPM*RATED_SPEED_RPM);
+    if (STRAY_W_PER_A2 > R(0.0)) {
+        at->stray_W_per_A2 = STRAY_W_PER_A2*power(speed/RATED_SPEED_RPM, R(1.5));
+    }
+#endif
     at->losses_W = inputs->losses_W;
     at->copper_in_losses = R(IS_BALANCE);
     at->sinks_degC[0] = inputs->sink_degC;
@@ -159,16 +173,30 @@ static void prepare(const heatrun_inputs *inputs, drive *at)
     }
 }
 
-static void slopes(const drive *at, const heatrun_real T[NUM_NODES],
-                   heatrun_real K_per_s[NUM_NODES])
+/* Copper loss, with the stray loss where that counts as such. */
+static heatrun_real copper(const drive *at, const heatrun_real T[NUM_NODES])
 {
-    const heatrun_real copper_W = at->copper_W_per_K*(at->coefficient_degC + T[COPPER]);
+    return at->square_A2*(at->copper_W_per_A2_K*(at->coefficient_degC + T[COPPER])
+                          + R(IS_BALANCE)*at->stray_W_per_A2);
+}
+
+static void heats(const drive *at, const heatrun_real T[NUM_NODES], heatrun_real W[NUM_NODES])
+{
+    const heatrun_real copper_W = copper(at, T);
     const heatrun_real other_W = at->losses_W - at->copper_in_losses*copper_W;
     int i;
     for (i = 0; i < NUM_NODES; ++i) {
-        K_per_s[i] = at->heat_W[i] + SHARE[i]*other_W;
+        W[i] = at->heat_W[i] + SHARE[i]*other_W
+            + STRAY_SHARE[i]*at->stray_W_per_A2*at->square_A2;
     }
-    K_per_s[COPPER] += copper_W;
+    W[COPPER] += copper_W;
+}
+
+static void slopes(const drive *at, const heatrun_real T[NUM_NODES],
+                   heatrun_real K_per_s[NUM_NODES])
+{
+    int i;
+    heats(at, T, K_per_s);
     for (i = 0; i < NUM_LINKS; ++i) {
         const int end = SECOND_END[i];
         const heatrun_real far = end < NUM_NODES ? T[end] : at->sinks_degC[end - SINK];
@@ -305,12 +333,11 @@ heatrun_real heatrun_permitted_current_A(const heatrun_state *state, const heatr
     }
     prepare(inputs, &at);
     num_steps = (long)(horizon_s/R(HEATRUN_STEP_S) + R(0.001));
-    at.losses_W -= at.copper_in_losses*at.copper_W_per_K
-        *(at.coefficient_degC + state->temperature_degC[COPPER]);
+    at.losses_W -= at.copper_in_losses*copper(&at, state->temperature_degC);
     at.copper_in_losses = R(0.0);
     for (i = 0; i < 20; ++i) { /* to a millionth of the largest current */
         const heatrun_real middle_A = R(0.5)*(low_A + high_A);
-        at.copper_W_per_K = COPPER_W_PER_A2_K*middle_A*middle_A;
+        at.square_A2 = middle_A*middle_A;
         if (steps_below(state, &at, node, limit_degC, num_steps) == num_steps) {
             low_A = middle_A;
         } else {

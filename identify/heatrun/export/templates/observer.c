@@ -1,17 +1,45 @@
 
-/* Observer. Heat that the network misses: on each heated node a Gauss-Markov process, with the
- * size and the time of the run. */
+/* Observer. Its states: the temperatures; heat that the network misses, on each heated node a
+ * Gauss-Markov process with the size and the time of the run; a slow error of the readings, another
+ * such process; what a sensor that lags shows. With white noise on top, the innovations of a sound
+ * sensor are white. Three errors stay as they are: of the sensor, of the sink, and of all heat as a
+ * share, the last two as wide as the parameters of the run leave the temperatures open. No record
+ * tells them apart, so they count in the covariance and are not estimated (S. F. Schmidt 1966). */
 #define NUM_HEATS HEATRUN_NUM_HEATS
 #define NUM_STATES HEATRUN_NUM_STATES
 #define SENSED HEATRUN_SENSED_NODE
+#define SLOW (NUM_NODES + NUM_HEATS)
+#define CONSTANT (SLOW + 1 + HEATRUN_HAS_LAG) /* the first of the three: sensor, sink, share */
+#define SINK_ERROR (CONSTANT + 1)
+#define SHARE_ERROR (CONSTANT + 2)
+#if HEATRUN_HAS_LAG
+#define SHOWN (SLOW + 1) /* the state that is read */
+static const heatrun_real LAG_DECAY = R($lag_decay); /* over a step */
+static const heatrun_real LAG_MEAN = R($lag_mean);   /* of that over a step */
+#else
+#define SHOWN SENSED
+#endif
 
 static const int HEATED[NUM_HEATS] = {$heated};
 static const heatrun_real HEAT_SD_W = R($heat_sd);
 static const heatrun_real HEAT_DECAY = R($heat_decay); /* over a step */
-/* The noise of readings is correlated: white noise that is as strong over minutes. */
-static const heatrun_real READING_VARIANCE_K2 =
-    R($noise_steps)*R(HEATRUN_READING_SD_K)*R(HEATRUN_READING_SD_K);
+static const heatrun_real SLOW_DECAY = R($slow_decay);
+static const heatrun_real SINK_SD_K = R($sink_sd);
+static const heatrun_real SHARE_SD = R($share_sd);
 static const heatrun_real BLIND_K = R($blind); /* growth in a step without inputs */
+static const heatrun_real ANSWER_SD = R($answer_sd); /* of a fresh change, over that change */
+static const heatrun_real ANSWER_DECAY = R($answer_decay); /* with the time of the sensed node */
+
+/* Place of a covariance in the lower triangle. */
+static int place(int i, int j)
+{
+    return i < j ? j*(j + 1)/2 + i : i*(i + 1)/2 + j;
+}
+
+static heatrun_real covariance(const heatrun_observer *observer, int i, int j)
+{
+    return observer->covariance[place(i, j)];
+}
 
 /* Square root by Newton's method, after powers of four are taken out; 0 for NaN. */
 static heatrun_real root(heatrun_real square)
@@ -35,38 +63,68 @@ static heatrun_real root(heatrun_real square)
     return scale*y;
 }
 
-/* P -> F P F' + Q. F column by column: the step of the network without sinks and losses. */
-static void predict_covariance(heatrun_observer *observer, const drive *at)
+/* Variance of a state other than a temperature that nothing is known of. */
+static heatrun_real start_variance(int i)
 {
-    heatrun_real F[NUM_STATES][NUM_STATES] = {{R(0.0)}};
-    heatrun_real product[NUM_STATES][NUM_STATES];
+    const heatrun_real sd = i < SLOW ? HEAT_SD_W
+        : i == SLOW                  ? R(HEATRUN_SLOW_SD_K)
+        : i == CONSTANT              ? R(HEATRUN_SENSOR_SD_K)
+        : i == SINK_ERROR            ? SINK_SD_K
+        : i == SHARE_ERROR           ? SHARE_SD
+                                     : R(0.0);
+    return sd*sd;
+}
+
+/* Column of F: what becomes of a state of 1 in a step of the network without sinks and losses. */
+static void passed(const drive *at, const heatrun_real now_W[NUM_NODES], int j,
+                   heatrun_real column[NUM_STATES])
+{
+    heatrun_state state = {{R(0.0)}, {R(0.0)}};
     drive bare = *at;
-    int i, j, k;
+    int i;
     bare.coefficient_degC = R(0.0);
     bare.losses_W = R(0.0);
-    bare.sinks_degC[0] = R(0.0);
-    bare.sinks_degC[1] = R(0.0);
+    bare.stray_W_per_A2 = R(0.0);
+    bare.sinks_degC[0] = j == SINK_ERROR ? R(1.0) : R(0.0);
+    bare.sinks_degC[1] = bare.sinks_degC[0];
+    for (i = 0; i < NUM_NODES; ++i) {
+        bare.heat_W[i] = j == SHARE_ERROR ? now_W[i] : R(0.0);
+    }
+    for (i = 0; i < NUM_STATES; ++i) {
+        column[i] = R(0.0);
+    }
+    column[j] = j < SLOW ? HEAT_DECAY : j == SLOW ? SLOW_DECAY : R(1.0);
+    if (j < NUM_NODES) {
+        state.temperature_degC[j] = R(1.0);
+    } else if (j < SLOW) {
+        bare.heat_W[HEATED[j - NUM_NODES]] = R(1.0);
+    }
+    advance(&bare, &state);
+    for (i = 0; i < NUM_NODES; ++i) {
+        column[i] = state.temperature_degC[i];
+    }
+#if HEATRUN_HAS_LAG
+    column[SHOWN] = (R(1.0) - LAG_MEAN)*column[SENSED] /* exact for a straight course */
+        + (j == SENSED ? LAG_MEAN - LAG_DECAY : R(0.0)) + (j == SHOWN ? LAG_DECAY : R(0.0));
+#endif
+}
+
+/* P -> F P F' + Q; F stands by columns. */
+static void predict_covariance(heatrun_observer *observer, const drive *at)
+{
+    heatrun_real F[NUM_STATES][NUM_STATES];
+    heatrun_real product[NUM_STATES][NUM_STATES];
+    heatrun_real now_W[NUM_NODES];
+    int i, j, k;
+    heats(at, observer->model.temperature_degC, now_W);
     for (j = 0; j < NUM_STATES; ++j) {
-        heatrun_state column = {{R(0.0)}, {R(0.0)}};
-        for (i = 0; i < NUM_NODES; ++i) {
-            bare.heat_W[i] = R(0.0);
-        }
-        if (j < NUM_NODES) {
-            column.temperature_degC[j] = R(1.0);
-        } else {
-            bare.heat_W[HEATED[j - NUM_NODES]] = R(1.0);
-            F[j][j] = HEAT_DECAY;
-        }
-        advance(&bare, &column);
-        for (i = 0; i < NUM_NODES; ++i) {
-            F[i][j] = column.temperature_degC[i];
-        }
+        passed(at, now_W, j, F[j]);
     }
     for (i = 0; i < NUM_STATES; ++i) {
         for (j = 0; j < NUM_STATES; ++j) {
             product[i][j] = R(0.0);
             for (k = 0; k < NUM_STATES; ++k) {
-                product[i][j] += F[i][k]*observer->covariance[k][j];
+                product[i][j] += F[k][i]*covariance(observer, k, j);
             }
         }
     }
@@ -74,13 +132,12 @@ static void predict_covariance(heatrun_observer *observer, const drive *at)
         for (j = 0; j <= i; ++j) {
             heatrun_real sum = R(0.0);
             for (k = 0; k < NUM_STATES; ++k) {
-                sum += product[i][k]*F[j][k];
+                sum += product[i][k]*F[k][j];
             }
-            observer->covariance[i][j] = sum;
-            observer->covariance[j][i] = sum;
+            observer->covariance[place(i, j)] = sum;
         }
-        if (i >= NUM_NODES) {
-            observer->covariance[i][i] += HEAT_SD_W*HEAT_SD_W*(R(1.0) - HEAT_DECAY*HEAT_DECAY);
+        if (i >= NUM_NODES && i <= SLOW) {
+            observer->covariance[place(i, i)] += start_variance(i)*(R(1.0) - F[i][i]*F[i][i]);
         }
     }
 }
@@ -90,32 +147,57 @@ static void widen(heatrun_observer *observer, heatrun_real more_K)
 {
     int i;
     for (i = 0; i < NUM_NODES; ++i) {
-        const heatrun_real sd_K = root(observer->covariance[i][i]);
-        observer->covariance[i][i] += (R(2.0)*sd_K + more_K)*more_K;
+        const heatrun_real sd_K = root(covariance(observer, i, i));
+        observer->covariance[place(i, i)] += (R(2.0)*sd_K + more_K)*more_K;
     }
+}
+
+/* Covariance of each state with the next reading, and the variance of that, white noise included. */
+static heatrun_real foreseen(const heatrun_observer *observer, heatrun_real seen[NUM_STATES])
+{
+    int i;
+    for (i = 0; i < NUM_STATES; ++i) {
+        seen[i] = covariance(observer, i, SHOWN) + covariance(observer, i, SLOW)
+            + covariance(observer, i, CONSTANT);
+    }
+    return seen[SHOWN] + seen[SLOW] + seen[CONSTANT]
+        + R(HEATRUN_READING_SD_K)*R(HEATRUN_READING_SD_K);
+}
+
+/* What the sensor shows without its errors. */
+static heatrun_real shown(const heatrun_observer *observer)
+{
+#if HEATRUN_HAS_LAG
+    return observer->shown_degC;
+#else
+    return observer->model.temperature_degC[SENSED];
+#endif
 }
 
 static void correct(heatrun_observer *observer, heatrun_real innovation_K)
 {
     heatrun_real seen[NUM_STATES];
-    heatrun_real variance_K2;
+    const heatrun_real variance_K2 = foreseen(observer, seen);
     int i, j;
-    for (i = 0; i < NUM_STATES; ++i) {
-        seen[i] = observer->covariance[i][SENSED];
-    }
-    variance_K2 = seen[SENSED] + READING_VARIANCE_K2;
     for (i = 0; i < NUM_STATES; ++i) {
         const heatrun_real change = seen[i]/variance_K2*innovation_K;
         if (i < NUM_NODES) {
             observer->model.temperature_degC[i] += change;
-        } else {
+        } else if (i < SLOW) {
             observer->heat_W[i - NUM_NODES] += change;
+        } else if (i == SLOW) {
+            observer->slow_K += change;
         }
-        for (j = 0; j < NUM_STATES; ++j) {
-            observer->covariance[i][j] -= seen[i]*seen[j]/variance_K2;
+#if HEATRUN_HAS_LAG
+        else if (i == SHOWN) {
+            observer->shown_degC += change;
         }
-        if (!(observer->covariance[i][i] > R(0.0))) {
-            observer->covariance[i][i] = R(0.0); /* rounding */
+#endif
+        for (j = 0; j <= (i < CONSTANT ? i : CONSTANT - 1); ++j) {
+            observer->covariance[place(i, j)] -= seen[i]*seen[j]/variance_K2;
+        }
+        if (!(covariance(observer, i, i) > R(0.0))) {
+            observer->covariance[place(i, i)] = R(0.0); /* rounding */
         }
     }
 }
@@ -123,27 +205,32 @@ static void correct(heatrun_observer *observer, heatrun_real innovation_K)
 /* Judge the sensor; return whether this reading may correct the model. */
 static int judge(heatrun_observer *observer, heatrun_real reading_degC, heatrun_real change_K)
 {
-    const heatrun_real innovation_K =
-        reading_degC - observer->model.temperature_degC[SENSED];
-    const heatrun_real variance_K2 = observer->covariance[SENSED][SENSED]
-        + R(HEATRUN_READING_SD_K)*R(HEATRUN_READING_SD_K);
+    heatrun_real seen[NUM_STATES];
+    const heatrun_real fresh_K = ANSWER_SD*observer->fresh_K;
+    const heatrun_real variance_K2 = foreseen(observer, seen) + fresh_K*fresh_K;
+    const heatrun_real innovation_K = reading_degC - shown(observer) - observer->slow_K;
+    /* from one reading to the next the constant errors drop out: noise shows there first */
+    const heatrun_real jump_K = is_temperature(observer->last_degC)
+        ? reading_degC - observer->last_degC - change_K : R(0.0);
+    const heatrun_real step_K = ANSWER_SD*change_K;
+    const heatrun_real jump_variance_K2 = step_K*step_K + R(2.0)*R(HEATRUN_READING_SD_K)*R(HEATRUN_READING_SD_K)
+        + R(2.0)*(R(1.0) - SLOW_DECAY)*R(HEATRUN_SLOW_SD_K)*R(HEATRUN_SLOW_SD_K);
     const int is_off =
-        innovation_K*innovation_K > R(HEATRUN_OFF_SDS)*R(HEATRUN_OFF_SDS)*variance_K2;
+        innovation_K*innovation_K > R(HEATRUN_OFF_SDS)*R(HEATRUN_OFF_SDS)*variance_K2
+        || jump_K*jump_K > R(HEATRUN_OFF_SDS)*R(HEATRUN_OFF_SDS)*jump_variance_K2;
     const int is_same =
         reading_degC >= observer->last_degC && reading_degC <= observer->last_degC;
     if (!is_temperature(reading_degC)) {
         observer->sensor = HEATRUN_SENSOR_LOST;
-        observer->num_off = 0;
+        observer->last_degC = R(HEATRUN_MIN_DEGC) - R(1.0);
+        observer->score = 0;
         observer->num_good = 0;
         return 0;
     }
     observer->last_degC = reading_degC;
     observer->moved_K = is_same ? observer->moved_K + change_K : R(0.0);
-    if (!is_off) {
-        observer->num_off = 0;
-    } else if (observer->num_off < HEATRUN_OFF_STEPS) {
-        ++observer->num_off;
-    }
+    observer->score += is_off ? 4 : observer->score > 0 ? -1 : 0;
+    observer->score = observer->score < 4*HEATRUN_OFF_STEPS ? observer->score : 4*HEATRUN_OFF_STEPS;
     if (!is_within(observer->moved_K, R(-HEATRUN_STUCK_K), R(HEATRUN_STUCK_K))
         || (observer->sensor == HEATRUN_SENSOR_STUCK && is_same)) {
         if (observer->sensor == HEATRUN_SENSOR_OK) {
@@ -151,7 +238,8 @@ static int judge(heatrun_observer *observer, heatrun_real reading_degC, heatrun_
         }
         observer->sensor = HEATRUN_SENSOR_STUCK;
         observer->num_good = 0;
-    } else if (observer->num_off >= HEATRUN_OFF_STEPS) {
+    } else if (observer->score >= 4*HEATRUN_OFF_STEPS
+               || (observer->sensor == HEATRUN_SENSOR_OFF && observer->score > 0)) {
         observer->sensor = HEATRUN_SENSOR_OFF;
         observer->num_good = 0;
     } else if (observer->sensor != HEATRUN_SENSOR_OK) {
@@ -174,17 +262,24 @@ heatrun_status heatrun_observer_start(heatrun_observer *observer,
         return HEATRUN_STATE_INVALID;
     }
     for (i = 0; i < NUM_STATES; ++i) {
-        const heatrun_real sd = i < NUM_NODES ? sd_K : HEAT_SD_W;
-        for (j = 0; j < NUM_STATES; ++j) {
-            observer->covariance[i][j] = i == j ? sd*sd : R(0.0);
+        for (j = 0; j <= i; ++j) {
+            observer->covariance[place(i, j)] = R(0.0);
         }
+        observer->covariance[place(i, i)] = i < NUM_NODES ? sd_K*sd_K : start_variance(i);
     }
+#if HEATRUN_HAS_LAG
+    observer->shown_degC = temperature_degC[SENSED];
+    observer->covariance[place(SHOWN, SHOWN)] = sd_K*sd_K;
+    observer->covariance[place(SHOWN, SENSED)] = sd_K*sd_K;
+#endif
     for (i = 0; i < NUM_HEATS; ++i) {
         observer->heat_W[i] = R(0.0);
     }
+    observer->slow_K = R(0.0);
     observer->last_degC = R(HEATRUN_MIN_DEGC) - R(1.0); /* no reading yet */
     observer->moved_K = R(0.0);
-    observer->num_off = 0;
+    observer->fresh_K = R(0.0);
+    observer->score = 0;
     observer->num_good = 0;
     observer->sensor = HEATRUN_SENSOR_OK;
     return HEATRUN_OK;
@@ -193,7 +288,10 @@ heatrun_status heatrun_observer_start(heatrun_observer *observer,
 heatrun_estimate heatrun_observer_step(heatrun_observer *observer, const heatrun_inputs *inputs,
                                        heatrun_real reading_degC)
 {
+    const heatrun_real shown_degC = shown(observer);
+#if HEATRUN_HAS_LAG
     const heatrun_real before_degC = observer->model.temperature_degC[SENSED];
+#endif
     heatrun_real more_W[NUM_NODES] = {R(0.0)};
     heatrun_estimate estimate;
     drive at;
@@ -207,16 +305,22 @@ heatrun_estimate heatrun_observer_step(heatrun_observer *observer, const heatrun
         for (i = 0; i < NUM_HEATS; ++i) {
             observer->heat_W[i] *= HEAT_DECAY;
         }
+        observer->slow_K *= SLOW_DECAY;
+#if HEATRUN_HAS_LAG
+        observer->shown_degC = LAG_DECAY*observer->shown_degC
+            + (R(1.0) - LAG_MEAN)*observer->model.temperature_degC[SENSED]
+            + (LAG_MEAN - LAG_DECAY)*before_degC;
+#endif
     } else {
         widen(observer, BLIND_K);
     }
-    if (judge(observer, reading_degC,
-              observer->model.temperature_degC[SENSED] - before_degC)) {
-        correct(observer, reading_degC - observer->model.temperature_degC[SENSED]);
+    observer->fresh_K = ANSWER_DECAY*observer->fresh_K + shown(observer) - shown_degC;
+    if (judge(observer, reading_degC, shown(observer) - shown_degC)) {
+        correct(observer, reading_degC - shown(observer) - observer->slow_K);
     }
     for (i = 0; i < NUM_NODES; ++i) {
         estimate.temperature_degC[i] = observer->model.temperature_degC[i];
-        estimate.sd_K[i] = root(observer->covariance[i][i]);
+        estimate.sd_K[i] = root(covariance(observer, i, i));
     }
     estimate.sensor = observer->sensor;
     return estimate;

@@ -2,13 +2,20 @@
 /* Observer: a Kalman filter of the nodes and of heat that the network misses, corrected by one
  * sensor. It judges the sensor by what the model expects, and goes on without it where it fails. */
 #define HEATRUN_NUM_HEATS $num_heats
-#define HEATRUN_NUM_STATES (HEATRUN_NUM_NODES + HEATRUN_NUM_HEATS)
+#define HEATRUN_HAS_LAG $has_lag /* the sensor lags behind its node */
+#define HEATRUN_NUM_STATES (HEATRUN_NUM_NODES + HEATRUN_NUM_HEATS + 4 + HEATRUN_HAS_LAG)
 #define HEATRUN_SENSED_NODE $sensed
-#ifndef HEATRUN_READING_SD_K
-#define HEATRUN_READING_SD_K $reading_sd /* of one reading; set it for the sensor of the drive */
+#ifndef HEATRUN_READING_SD_K /* set these three for the sensor of the drive */
+#define HEATRUN_READING_SD_K $reading_sd /* white noise of one reading, rounding included */
 #endif
-#define HEATRUN_OFF_SDS 5.0       /* a reading is suspect beyond so many standard deviations, */
-#define HEATRUN_OFF_STEPS 10      /* and the sensor off after so many such readings on end */
+#ifndef HEATRUN_SLOW_SD_K
+#define HEATRUN_SLOW_SD_K $slow_sd /* its slow noise */
+#endif
+#ifndef HEATRUN_SENSOR_SD_K
+#define HEATRUN_SENSOR_SD_K $sensor_sd /* its constant error */
+#endif
+#define HEATRUN_OFF_SDS 5.0       /* a reading, or its jump, is suspect beyond so many sds; */
+#define HEATRUN_OFF_STEPS 10      /* the sensor is off after so many, four sound ones undo one */
 #define HEATRUN_STUCK_K $stuck    /* the model has moved so far while the reading stayed the same */
 #define HEATRUN_RECOVERY_STEPS 30 /* good readings on end before the sensor counts again */
 
@@ -23,10 +30,15 @@ typedef enum {
 typedef struct {
     heatrun_state model;
     heatrun_real heat_W[HEATRUN_NUM_HEATS];
-    heatrun_real covariance[HEATRUN_NUM_STATES][HEATRUN_NUM_STATES]; /* K^2, K W, W^2 */
+    heatrun_real slow_K; /* error of the sensor */
+#if HEATRUN_HAS_LAG
+    heatrun_real shown_degC; /* what the sensor has come to */
+#endif
+    heatrun_real covariance[HEATRUN_NUM_STATES*(HEATRUN_NUM_STATES + 1)/2]; /* lower triangle */
     heatrun_real last_degC;
     heatrun_real moved_K;
-    int num_off;
+    heatrun_real fresh_K; /* change that the node has not yet passed on */
+    int score; /* four for a suspect reading, -1 for another */
     int num_good;
     heatrun_sensor sensor;
 } heatrun_observer;
