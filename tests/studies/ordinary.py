@@ -3,7 +3,7 @@
 Six kinds of machines, each with two to four imperfections at once, go as files through `heatrun
 calibrate` (a share of them through `discover` too) and are read back from the run folder. Rows go
 to a file as they come; a run that was killed goes on from there. Seed 8000 is for tuning, reports
-use seed 89000 (80000 to 88028 were looked at).
+use seed 90000 (80000 to 89011 were looked at).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from ordinary_machines import KINDS, Case, make, resistance, structure_fitted, w
 from page_numbers import said_and_simulated
 from study_runs import rows_as_they_come, write_rows
 
-TUNING_SEED, REPORTING_SEED = 8_000, 89_000
+TUNING_SEED, REPORTING_SEED = 8_000, 90_000
 
 IN_SET = 0.1
 """Probability from which on an effect that may be missing is told, and counts as in the set [1]."""
@@ -188,16 +188,18 @@ def described(folder: Path, row: Row, case: Case) -> Row:
 def covered(said: Row) -> list[bool]:
     """Return whether each parameter that is said to be identified is in its 95 % interval."""
     return [
-        bool(each["interval_95"][0] <= each["truth"] <= each["interval_95"][1])
+        bool((low or 0.0) <= each["truth"] <= (np.inf if high is None else high))
         for each in said["parameters"].values()
         if each["identifiability"] != "not identifiable"
+        for low, high in (each["interval_95"],)  # an open end is null
     ]
 
 
 def is_off(said: Row) -> bool:
     """Return whether a parameter is more than 3 sds or more than 10 % off."""
     return any(
-        (off := abs(each["value"] - each["truth"])) > 3.0 * each["sd"] or off > 0.1 * each["truth"]
+        (off := abs(each["value"] - each["truth"])) > 3.0 * (each["sd"] or np.inf)
+        or off > 0.1 * each["truth"]
         for each in said["parameters"].values()
     )
 
