@@ -30,6 +30,9 @@ def test_a_run_starts_where_it_was_fitted(record, motor, truth):
     class Fitted:
         """What of a run is asked for."""
 
+        def __init__(self):
+            self.motor = motor
+
         def draws(self):
             model = ByHand.of(record, motor).model
             return exact_draws(model, motor, moved, reduce(record, motor))
