@@ -204,10 +204,9 @@ class ByHand:
             InputError: If the record lacks a channel, or the motor file a parameter.
         """
         if run is not None:
-            motor = replace(motor, scales=run.motor.scales)
-        test = reduce_driven(record, motor)
-        if run is not None:
+            test = reduce_driven(record, replace(motor, scales=run.motor.scales))
             return cls._of(run.draws(), test, run.fitted_as(record))
+        test = reduce_driven(record, motor)
         model = Model.of("second", motor, known_effects(motor)).scaled(motor, [test])
         return cls._of(exact_draws(model, motor, {}, test), test, None)
 
