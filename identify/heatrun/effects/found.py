@@ -68,7 +68,7 @@ standard deviations]."""
 FAR = 4.0
 """How far from an optimum another one is looked for [standard deviations of its linear model]."""
 
-MOST_EVALUATIONS = 25
+MOST_FROM_FAR = 25
 """Of a search from there."""
 
 POSSIBLE = 0.05
@@ -313,7 +313,7 @@ def _settled(search: Search, problem: Problem, member: Member, reached_K: float)
     assert problem.heat is not None
     at_noise = engine.with_heat(problem.heat)
     others = [
-        at_noise.refit(start, slots, from_scores(noise_z), MOST_EVALUATIONS)
+        at_noise.refit(start, slots, from_scores(noise_z), MOST_FROM_FAR)
         for start in _least_held(engine, found, noise_z)
     ]
     nearest = min([found, *others], key=lambda each: each.chi2)
@@ -337,16 +337,18 @@ def _alternated(
     the optimum, the scores of the noise and the last change of the scores.
     """
     residual, jacobian = engine.linearise(z, slots)
-    for last in reversed(range(ROUNDS)):
+    found, shift = None, np.inf
+    for _ in range(ROUNDS):
         problem = with_heat(problem, z[slots])
         assert problem.heat is not None
         noise_z = estimate_noise(problem, z[slots], residual, jacobian, start=noise_z)
         found = engine.with_heat(problem.heat).refit(z, slots, from_scores(noise_z))
         shift = float(np.max(np.abs(found.z[slots] - z[slots])))
         z, residual, jacobian = found.z, found.residual, found.jacobian
-        if shift < SETTLED or not last:
-            return problem, found, noise_z, shift
-    raise AssertionError("ROUNDS is at least 1")
+        if shift < SETTLED:
+            break
+    assert found is not None
+    return problem, found, noise_z, shift
 
 
 def _least_held(engine: Engine, found: Refit, noise_z: np.ndarray) -> list[np.ndarray]:
