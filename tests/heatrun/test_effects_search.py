@@ -131,7 +131,7 @@ def test_the_evidence_of_a_linear_model_is_exact():
 def test_what_cannot_be_is_a_bound(search):
     """A share above one: the fit of it stays below, however far the tests pull."""
     engine = search.engine
-    slot = engine.find("rotor_node.p")
+    slot = engine.find("housing_node.x")
     _, high = engine.bounds([slot])
     assert float(engine.slots[slot].parameter.value(high[0])) == pytest.approx(1.0)
 

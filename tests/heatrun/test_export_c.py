@@ -108,10 +108,10 @@ def replay(folder, made, *words):
         ("four", (), {}),
         ("second", ("speed_cooling",), {}),
         ("second", ("fan_cooling",), {"fan_cooling.g": 0.8}),
-        ("second", ("iron_loss_in_winding",), {"iron_loss_in_winding.q": 0.15}),
+        ("second", ("iron_loss_in_winding",), {"iron_loss_in_winding.k": 25.0}),
         ("second", ("sensor_lag",), {"sensor_lag.tau": 20.0}),
         ("second", ("ac_copper_loss", "iron_loss_in_winding"),
-         {"ac_copper_loss.k": 0.3, "iron_loss_in_winding.q": 0.15}),
+         {"ac_copper_loss.k": 0.3, "iron_loss_in_winding.k": 25.0}),
         ("second", ("stray_load_loss",), {"stray_load_loss.k": 60.0}),
         (network_of_text(TWO_SINKS, "sinks.toml"), (),
          {"P_mechanical_n": 30.0, "P_mechanical_n2": 5.0}),
@@ -127,7 +127,7 @@ def test_it_is_as_lptn(tmp_path, half_hour, machine, network, effects, values):
 
 @needs_compiler
 def test_losses_of_a_map_come_on_top(tmp_path, half_hour, machine):
-    values = {"ac_copper_loss.k": 0.3, "stray_load_loss.k": 60.0, "iron_loss_in_winding.q": 0.15}
+    values = {"ac_copper_loss.k": 0.3, "stray_load_loss.k": 60.0, "iron_loss_in_winding.k": 25.0}
     laws = ("ac_copper_loss", "stray_load_loss", "iron_loss_in_winding")
     made = source(half_hour, replace(machine, losses="map"), "second", laws, **values)
     assert replay(tmp_path, made) < 1e-6

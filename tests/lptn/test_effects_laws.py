@@ -126,9 +126,11 @@ def test_other_losses_move_and_leave(moment):
     stray = moment(StrayLoadLoss, k=100.0)
     node = "winding" if base.losses.kind == "balance" else "stator"
     assert added(base, stray, node) == pytest.approx(100.0 * 0.25 * 0.5**1.5, rel=1e-9)
-    moved = moment(IronLossInWinding, q=0.2)
-    assert added(base, moved, "winding") == pytest.approx(0.2 * other)
+    moved = moment(IronLossInWinding, k=40.0, n=1.3, m=-0.2)
+    assert added(base, moved, "winding") == pytest.approx(40.0 * 0.5**1.3 * 1.15)
     assert float(sum(moved.heat.values())) == pytest.approx(put_in)
+    none = moment(IronLossInWinding, k=40.0, n=-0.1, m=1.4)  # 0.25 of the load: less than none
+    assert added(base, none, "winding") == 0.0
     left = moment(ExternalLoss, k=0.1, m=1.0)
     assert put_in - float(sum(left.heat.values())) == pytest.approx(0.1 * other * 0.5)
 
@@ -196,9 +198,12 @@ def test_a_housing_is_a_ladder_as_seen_from_the_winding(network, losses, short):
 
 
 def test_the_rotor_hands_on_what_it_gets(network, losses, short):
-    _, trace = course(network, losses, short, RotorNode, {"p": 0.3, "C": 10e3, "tau": 300.0})
-    got = 0.3 * float(np.sum(trace.other_loss) * short.step)
-    kept = 0.3 * 10e3 * float(trace.temperature["rotor"][-1] - 20.0)
+    values = {"P": 300.0, "rise": 40.0, "tau": 300.0, "n": 1.5, "m": 0.6}
+    _, trace = course(network, losses, short, RotorNode, values)
+    drive = short.drive()
+    rate = np.asarray(drive.speed) ** 1.5 * (0.4 + 0.6 * np.asarray(drive.current_ratio_squared))
+    got = 300.0 * float(np.sum(rate) * short.step)
+    kept = 300.0 * 300.0 / 40.0 * float(trace.temperature["rotor"][-1] - 20.0)
     given = -float(np.sum(trace.flow["stator", "rotor"]) * short.step)
     assert got == pytest.approx(kept + given, rel=1e-9)
     assert given > 0.0
@@ -240,7 +245,7 @@ beside = pytest.mark.parametrize(
         (AcCopperLoss, {"k": 0.5}),
         (NeighbourBody, {"C": 5000.0, "tau": 1500.0}),
         (HousingNode, {"x": 0.4, "tau": 300.0}),
-        (RotorNode, {"p": 0.2, "C": 2e4, "tau": 900.0}),
+        (RotorNode, {"P": 40.0, "rise": 9.0, "tau": 900.0, "n": 1.0, "m": 0.5}),
     ],
     ids=lambda value: getattr(getattr(value, "card", None), "id", None),
 )

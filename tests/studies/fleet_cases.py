@@ -209,7 +209,7 @@ def courses(
         current: Rms phase current [A], shape (machine, second).
         other: Losses other than copper [W], likewise.
         ohm: Phase resistance at 25 degC [ohm], shape (machine,).
-        into_winding: Share of the other losses that warms the winding first, shape (machine,) [1].
+        into_winding: Part of the other losses that warms the winding first, shape (machine,) [W].
         missed: Heat into winding and stator beside the losses [W], shape (2, machine, second).
     """
     C_w, C_sr, R_w, R_sr = values.T
@@ -223,8 +223,9 @@ def courses(
     ) -> np.ndarray:
         flow = (T[0] - T[1]) / R_w
         out = (T[1] - ROOM_degC) / R_sr
-        winding = copper_at(T[0], amperes) + into_winding * watts + more[0]
-        stator = (1.0 - into_winding) * watts + more[1]
+        moved = into_winding * (watts > 0.0)
+        winding = copper_at(T[0], amperes) + moved + more[0]
+        stator = watts - moved + more[1]
         return np.stack([(winding - flow) / C_w, (stator + flow - out) / C_sr])
 
     T, none = np.full((2, len(values)), ROOM_degC), np.zeros((2, 1))

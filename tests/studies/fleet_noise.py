@@ -24,8 +24,8 @@ from fleet_cases import NAMES
 from fleet_noise_cases import (
     EFFECT,
     HEATS,
+    IRON_SPREAD,
     NOISE,
-    SHARE_SPREAD,
     NoisyFleet,
     draw_noisy_fleet,
     write_noisy_fleet,
@@ -119,10 +119,10 @@ def _type(fleet: NoisyFleet, content: Row) -> list[Row]:
         said = content["noise"]["parameters"][name]
         add("noise", name, "median", np.exp(fleet.noise_mean[place]), said["median"])
         add("noise", name, "spread", np.expm1(fleet.noise_sd[place]), said["spread"])
-    if fleet.share_median > 0.0:
-        said = content["parameters"][f"{EFFECT}.q"]
-        add("effect", EFFECT, "median", fleet.share_median, said["median"])
-        add("effect", EFFECT, "spread", np.expm1(SHARE_SPREAD), said["spread"])
+    if fleet.iron_median_W > 0.0:
+        said = content["parameters"][f"{EFFECT}.k"]
+        add("effect", EFFECT, "median", fleet.iron_median_W, said["median"])
+        add("effect", EFFECT, "spread", np.expm1(IRON_SPREAD), said["spread"])
     return rows
 
 
@@ -152,10 +152,10 @@ def _machine(fleet: NoisyFleet, row: Row) -> Row:
     for how in ("alone", "given"):
         low, high = (np.array(row[f"{how}_{end}_95"])[at] for end in ("low", "high"))
         found[f"inside_{how}"] = ((low <= truth) & (truth <= high)).tolist()
-    if fleet.share_median > 0.0:
-        q = row["parameters"].index(f"{EFFECT}.q")
+    if fleet.iron_median_W > 0.0:
+        k = row["parameters"].index(f"{EFFECT}.k")
         found["effect_inside"] = bool(
-            row["given_low_95"][q] <= fleet.share[place] <= row["given_high_95"][q]
+            row["given_low_95"][k] <= fleet.iron_W[place] <= row["given_high_95"][k]
         )
     return found
 
@@ -198,7 +198,7 @@ def table(rows: Sequence[Row], said: Row) -> str:
         f"tests of {TEST_MIN:.0f} min. Two-node machines by NumPy after Runge and Kutta; slow and "
         "white noise of the winding and heat that nobody measures differ from machine to machine, "
         "the heat of a usual size in half of the types and three times that in the others; "
-        f"{with_effect} types warm the winding with a share of their other losses, and their motor "
+        f"{with_effect} types warm the winding with a part of their iron loss, and their motor "
         "file names the effect. The heat is smoother than the process that heatrun takes it for. "
         "In 5 % of the machines the slow noise or the heat is 5 to 9 times as large. Through "
         "`heatrun.calibrate_fleet` and `heatrun population`, back from the files. Then "

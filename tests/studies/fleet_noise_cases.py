@@ -44,9 +44,9 @@ drawn between the two numbers of `TIMES`."""
 
 TIMES = (5.0, 9.0)
 
-EFFECT, SHARE, SHARE_SPREAD = "iron_loss_in_winding", 0.15, 0.13
-"""What half of the types have: share of the other losses that warms the winding first, centre of
-the types [1], and standard deviation of the logarithm over machines; the centres differ by 20 %."""
+EFFECT, IRON_W, IRON_SPREAD = "iron_loss_in_winding", 33.0, 0.13
+"""What half of the types have: loss that warms the winding first, centre of the types [W], and
+standard deviation of the logarithm over machines; the centres differ by 20 %."""
 
 HEAT_S = (400.0, 900.0)
 """Each of the two lags of the heat that nobody measures [s]."""
@@ -66,8 +66,8 @@ class NoisyFleet:
         noise_sd: Likewise, machines of another noise left aside, shape (noise,).
         noise: Logarithms of each machine's noise, shape (machine, noise).
         is_other: Machines with another noise, shape (machine,).
-        share_median: Of the effect over machines [1]; 0 where the type has none.
-        share: Of each machine, shape (machine,).
+        iron_median_W: Of the effect over machines [W]; 0 where the type has none.
+        iron_W: Of each machine, shape (machine,).
     """
 
     machines: Fleet
@@ -75,8 +75,8 @@ class NoisyFleet:
     noise_sd: np.ndarray
     noise: np.ndarray
     is_other: np.ndarray
-    share_median: float
-    share: np.ndarray
+    iron_median_W: float
+    iron_W: np.ndarray
 
 
 def draw_noisy_fleet(
@@ -97,10 +97,10 @@ def draw_noisy_fleet(
     is_other = rng.permutation(np.arange(num) < round(OTHER_NOISE * num))
     for place in np.flatnonzero(is_other):
         noise[place, rng.choice([0, 3])] += np.log(rng.uniform(*TIMES))
-    median = SHARE * np.exp(0.2 * rng.standard_normal()) * has_effect
-    share = median * np.exp(SHARE_SPREAD * rng.standard_normal(num))
+    median = IRON_W * np.exp(0.2 * rng.standard_normal()) * has_effect
+    iron_W = median * np.exp(IRON_SPREAD * rng.standard_normal(num))
     machines = draw_fleet(seed, num, outliers=0.0, short=0.0)
-    return NoisyFleet(machines, mean, sd, noise, is_other, float(median), share)
+    return NoisyFleet(machines, mean, sd, noise, is_other, float(median), iron_W)
 
 
 def write_noisy_fleet(
@@ -116,7 +116,7 @@ def write_noisy_fleet(
         places: Of the machines that are tested.
         motor: Further sections of the motor file.
     """
-    has_effect = fleet.share_median > 0.0 and "[population]" not in motor
+    has_effect = fleet.iron_median_W > 0.0 and "[population]" not in motor
     effects = f'[model]\neffects = ["{EFFECT}"]\n' if has_effect else ""
     rng = np.random.default_rng([seed, 4, round(minutes)])
     columns = _readings(fleet, np.array(places), minutes, rng)
@@ -147,7 +147,7 @@ def _readings(
     lasting = rng.uniform(*HEAT_S, num)
     missed = np.stack([size * smoothly(num, steps, lasting, rng) for _ in range(2)])
     winding, copper = courses(
-        np.exp(fleet.machines.logs[places]), current, other, ohm, fleet.share[places], missed
+        np.exp(fleet.machines.logs[places]), current, other, ohm, fleet.iron_W[places], missed
     )
     every = slice(0, steps, round(SAMPLE_S))
     slow = slow_K[:, None] * slowly(num, steps, slow_s, rng)[:, every]

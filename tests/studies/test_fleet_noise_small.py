@@ -16,9 +16,9 @@ sys.path.insert(1, str(Path(__file__).parents[1] / "fleet"))
 from fleet_noise import run, table
 from fleet_noise_cases import (
     EFFECT,
+    IRON_SPREAD,
+    IRON_W,
     NOISE,
-    SHARE,
-    SHARE_SPREAD,
     draw_noisy_fleet,
     smoothly,
     write_noisy_fleet,
@@ -36,10 +36,10 @@ def test_a_fleet_is_what_it_was_drawn_from():
     np.testing.assert_allclose(fleet.noise[usual].mean(axis=0), fleet.noise_mean, atol=0.03)
     further = (fleet.noise - fleet.noise_mean) / fleet.noise_sd
     assert np.all(further[fleet.is_other].max(axis=1) > 1.0)
-    assert np.log(fleet.share).std() == pytest.approx(SHARE_SPREAD, rel=0.05)
+    assert np.log(fleet.iron_W).std() == pytest.approx(IRON_SPREAD, rel=0.05)
     plain = draw_noisy_fleet(3, 20, has_effect=False)
-    assert plain.share_median == 0.0
-    assert np.all(plain.share == 0.0)
+    assert plain.iron_median_W == 0.0
+    assert np.all(plain.iron_W == 0.0)
 
 
 def test_the_missed_heat_has_unit_variance_and_no_kinks():
@@ -78,9 +78,9 @@ def with_effect(row, number):
     covariance = 0.05**2 * np.eye(5)
     covariance[:4, :4] = np.reshape(row["log_covariance"], (4, 4))
     more = {
-        "parameters": f"{EFFECT}.q", "parameter_units": "1", "transforms": "log",
-        "parameter_values": SHARE * np.exp(error), "parameter_sd": 0.01,
-        "log_mean": np.log(SHARE) + error, "prior_mean": np.log(SHARE), "prior_sd": 1.0,
+        "parameters": f"{EFFECT}.k", "parameter_units": "W", "transforms": "log",
+        "parameter_values": IRON_W * np.exp(error), "parameter_sd": 0.01,
+        "log_mean": np.log(IRON_W) + error, "prior_mean": np.log(IRON_W), "prior_sd": 1.0,
     }  # fmt: skip
     more = {name: [*row[name], value] for name, value in more.items()}
     return {**row, **more, "log_covariance": covariance.ravel().tolist()}

@@ -250,6 +250,25 @@ def power(speed: Float[Array, "..."], exponent: Float[Array, ""] | float) -> Flo
     return jnp.where(turns, jnp.where(turns, size, 1.0) ** exponent, 0.0)
 
 
+def at_load(
+    drive: Drive, effect: str, exponent: Float[Array, ""] | float, by_load: Float[Array, ""] | float
+) -> Float[Array, "..."]:
+    r"""Return a loss over itself at rated speed and current, $s^n (1 - m + m\,i^2)$ [1].
+
+    Args:
+        drive: Inputs.
+        effect: Id of the effect, for the message.
+        exponent: n, of the speed; below 0 it counts as 0.
+        by_load: m, how far it goes with the squared current: 0 not at all, 1 in proportion. Where
+            more than 1 would make it negative, there is none.
+
+    Raises:
+        ValueError: If there is no speed.
+    """
+    speed = power(require(drive.speed, effect, "speed_rpm"), jnp.maximum(exponent, 0.0))
+    return speed * jnp.maximum(1.0 + by_load * (drive.current_ratio_squared - 1.0), 0.0)
+
+
 def applies(kind: type[AbstractEffect], network: Network) -> bool:
     """Whether an effect has a place in a network: some act on a link that not all have."""
     link = _places(kind).get("link")

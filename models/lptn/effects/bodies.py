@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from ..inputs import Drive, Inputs
 from ..network import Network
-from .base import EffectCard, HeatEffect, NodeEffect, Quantity, SensorEffect, Terms
+from .base import EffectCard, HeatEffect, NodeEffect, Quantity, SensorEffect, Terms, at_load
 
 LEAST_CAPACITY = 1e-9
 """Capacity that is left at the null value, where 0/0 would stand [J/K]."""
@@ -70,6 +70,9 @@ class NeighbourBody(NodeEffect):
 
 ROTOR = "rotor"
 
+LEAST_HEAT = 1e-9
+"""Heat of a rotor that is left at the null value, where 0/0 would stand [W]."""
+
 LEAST_SHARE = 1e-12
 """Share that is left at the null value, where 0/0 would stand [1]."""
 
@@ -77,45 +80,54 @@ LEAST_SHARE = 1e-12
 class RotorNode(NodeEffect, HeatEffect):
     r"""Part of the losses arises in the rotor, which hands it on to the stator with a delay.
 
-    $$ p\,C\,\dot T_r = p\,P_{ol} - \frac{p\,C}{\tau}\,(T_r - T_{sr}) $$
+    $$ C_r \dot T_r = P_r - \frac{P_r^*}{\Delta}\,(T_r - T_{sr}), \quad
+       P_r = P_r^*\, s^n (1 - m + m\,i^2), \quad C_r = \tau P_r^*/\Delta $$
 
-    Heat capacity and conductance of the rotor go with its share p, so that nothing is left of it
-    at p = 0: the rotor's capacity is p C, its resistance to the stator tau/(p C). The heat is
-    moved from the other losses at a constant sum.
+    The resistance to the stator is given by the rise above it, and the heat capacity by the time
+    constant: nothing is left of the rotor where no heat arises in it. The heat is moved from the
+    other losses at a constant sum. That of a cage goes with the load alone, whatever the speed;
+    eddy currents in magnets go with the speed, and less with the load.
 
     Attributes:
-        p: Share of the other losses that arises in the rotor [1].
-        C: Heat capacity per share [J/K]; 2...8 kJ/K of the rotor itself.
+        P: Heat that arises in the rotor at rated speed and current, $P_r^*$ [W].
+        rise: Of the rotor above the stator with that heat, $\Delta$ [K].
         tau: Time constant of the rotor against the stator [s].
+        n: Exponent of the speed [1].
+        m: How far the heat goes with the squared current: 0 not at all, 1 in proportion [1].
         node: Node that it is tied to.
 
     Valid for: a rotor that loses its heat through the air gap alone.
     """
 
-    p: Float[Array, ""]
-    C: Float[Array, ""]
+    P: Float[Array, ""]
+    rise: Float[Array, ""]
     tau: Float[Array, ""]
+    n: Float[Array, ""]
+    m: Float[Array, ""]
     node: str = eqx.field(static=True, default="stator")
 
     card: ClassVar[EffectCard] = EffectCard(
         id="rotor_node",
         family="extra node",
-        law="share p of Pol heats a rotor node tied to the stator: moves heat at a constant sum",
-        needs=(),
+        law="P s^n (1 - m + m i^2) heats a rotor node tied to the stator: moves heat at a constant "
+        "sum",
+        needs=("speed",),
         signature="the stator is still fed after a stop",
         separating_test="30 minutes at rated speed, then a stop and 60 minutes of cool-down",
         parameters={
-            "p": Quantity("1", 0.0, 0.02, 0.5, 0.2, "share of the other losses in the rotor", 1.0),
-            "C": Quantity("J/K", None, 3e3, 100e3, 20e3, "heat capacity of the rotor per share"),
+            "P": Quantity("W", 0.0, 1.0, 150.0, 40.0, "heat of the rotor at rated load and speed"),
+            "rise": Quantity("K", None, 3.0, 60.0, 15.0, "rise of the rotor above the stator"),
             "tau": Quantity("s", None, 150.0, 4000.0, 900.0, "time constant of the rotor"),
+            "n": Quantity("1", None, 0.0, 2.0, 1.0, "exponent of the speed"),
+            "m": Quantity("1", None, 0.0, 1.2, 0.6, "how far its heat goes with the load"),
         },
     )
 
     def extend(self, network: Network) -> Network:
         """As `NodeEffect.extend`."""
-        capacity = (self.p + LEAST_SHARE) * self.C
+        conductance = (self.P + LEAST_HEAT) / self.rise
         return network.with_node(
-            ROTOR, capacitance=capacity, links={self.node: self.tau / capacity}
+            ROTOR, capacitance=self.tau * conductance, links={self.node: 1.0 / conductance}
         )
 
     def start(self, start: Mapping[str, Float[Array, ""]]) -> dict[str, Float[Array, ""]]:
@@ -126,8 +138,8 @@ class RotorNode(NodeEffect, HeatEffect):
         self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
     ) -> Terms:
         """As `HeatEffect.apply`."""
-        # the same tiny share as of the capacity: the rotor's temperature is regular at p = 0
-        moved = (self.p + LEAST_SHARE) * terms.other
+        # the same tiny heat as of the conductance: the rotor's temperature is regular at P = 0
+        moved = (self.P + LEAST_HEAT) * at_load(drive, "rotor_node", self.n, self.m)
         return terms.add_other(-moved).add_heat(ROTOR, moved)
 
 

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..inputs import Drive
-from .base import EffectCard, HeatEffect, Quantity, Terms, power, require
+from .base import EffectCard, HeatEffect, Quantity, Terms, at_load, power, require
 
 
 class AcCopperLoss(HeatEffect):
@@ -53,35 +53,37 @@ class AcCopperLoss(HeatEffect):
 
 
 class IronLossInWinding(HeatEffect):
-    r"""Part of the other losses arises next to the slots and warms the winding first.
+    r"""Loss of the teeth arises next to the slots and warms the winding first.
 
-    $$ P_w \mathrel{+}= q P_{ol}, \quad P_{sr} \mathrel{-}= q P_{ol} $$
+    $$ P_w \mathrel{+}= k\,s^n (1 - m + m\,i^2), \quad P_{sr} \mathrel{-}= \text{the same} $$
+
+    It goes with speed and flux, and little with the load, unlike the rest of the other losses: as
+    a share of those, a step of load would heat the winding too much, and its heat capacity and
+    conductance would come out too large by the same factor.
 
     Attributes:
-        q: Share of the other losses that warms the winding first [1].
+        k: Loss that warms the winding first, at rated speed and current [W].
+        n: Exponent of the speed [1].
+        m: How far it goes with the squared current: 0 not at all, 1 in proportion [1].
 
     Valid for: losses in the teeth; heat is moved at a constant sum under a balance and under a map.
     """
 
-    q: Float[Array, ""]
+    k: Float[Array, ""]
+    n: Float[Array, ""]
+    m: Float[Array, ""]
 
     card: ClassVar[EffectCard] = EffectCard(
         id="iron_loss_in_winding",
         family="iron split",
-        law="w += q Pol, sr -= q Pol: moves heat at a constant sum",
+        law="w += k s^n (1 - m + m i^2), sr -= the same: moves heat at a constant sum",
         needs=("speed",),
         signature="the winding steps with the speed at no current",
         separating_test="a spin without load at rated speed for 20 minutes, from cold",
         parameters={
-            "q": Quantity(
-                "1",
-                0.0,
-                0.02,
-                0.45,
-                0.15,
-                "share of the other losses that warms the winding first",
-                1.0,
-            ),
+            "k": Quantity("W", 0.0, 1.0, 120.0, 30.0, "loss that warms the winding first, rated"),
+            "n": Quantity("1", None, 1.0, 2.0, 1.5, "exponent of the speed"),
+            "m": Quantity("1", None, -0.2, 0.6, 0.2, "how far it goes with the load"),
         },
     )
 
@@ -89,8 +91,7 @@ class IronLossInWinding(HeatEffect):
         self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
     ) -> Terms:
         """As `HeatEffect.apply`."""
-        require(drive.speed, "iron_loss_in_winding", "speed_rpm")
-        moved = self.q * terms.other
+        moved = self.k * at_load(drive, "iron_loss_in_winding", self.n, self.m)
         return terms.add_other(-moved).add_heat(terms.network.copper_node, moved)
 
 
@@ -215,8 +216,7 @@ class StrayLoadLoss(HeatEffect):
         self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
     ) -> Terms:
         """As `HeatEffect.apply`."""
-        speed = require(drive.speed, "stray_load_loss", "speed_rpm")
-        watts = self.k * drive.current_ratio_squared * power(speed, 1.5)
+        watts = self.k * at_load(drive, "stray_load_loss", 1.5, 1.0)
         is_balance = terms.losses.kind == "balance"
         return terms.add_copper(watts) if is_balance else terms.add_other(watts)
 

@@ -40,8 +40,8 @@ for e = 1:numel(effects)
     case 'rotor_node'
       at = effects{e}.node;
       new = 'rotor';
-      added = (q.p + 1e-12)*q.C;
-      resistance = q.tau/added;
+      resistance = q.rise/(q.P + 1e-9);
+      added = q.tau/resistance;
     case 'housing_node'
       at = effects{e}.link{1};
       new = 'housing';
@@ -186,6 +186,7 @@ for i = 1:num_samples - 1
       sink = y(4);
       omega = abs(y(5));
       s = omega/rated_speed;
+      i2 = y(2)/rated_current^2;
       heat = share*Pol;
       heat(copper) = heat(copper) + Pjs;
       g = g0;
@@ -214,7 +215,7 @@ for i = 1:num_samples - 1
           case 'ambient_recirculation'
             sink = sink + q.r*(Pjs + Pol);
           case 'rotor_node'
-            in_other = -(q.p + 1e-12)*Pol;
+            in_other = -(q.P + 1e-9)*(s > 0)*s^max(q.n, 0)*max(1 + q.m*(i2 - 1), 0);
             heat(own(e)) = heat(own(e)) - in_other;
           case 'end_winding_node'
             heat(copper) = heat(copper) - (q.f + 1e-12)*Pjs;
@@ -222,14 +223,14 @@ for i = 1:num_samples - 1
           case 'ac_copper_loss'
             in_copper = q.k*Pjs*s^2;
           case 'iron_loss_in_winding'
-            in_other = -q.q*Pol;
-            heat(copper) = heat(copper) + q.q*Pol;
+            in_other = -q.k*(s > 0)*s^max(q.n, 0)*max(1 + q.m*(i2 - 1), 0);
+            heat(copper) = heat(copper) - in_other;
           case 'external_loss'
             in_other = -q.k*Pol*(s > 0)*s^q.m;
           case 'bearing_friction'
             heat(n) = heat(n) + q.T_f*omega*exp(-q.kappa*(T(n) - sink));
           case 'stray_load_loss'
-            watts = q.k*y(2)/rated_current^2*s^1.5;
+            watts = q.k*i2*s^1.5;
             in_copper = is_balance*watts;
             in_other = ~is_balance*watts;
           case 'speed_loss'
