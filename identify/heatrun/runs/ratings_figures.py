@@ -25,7 +25,6 @@ from lptn import (
     linearise,
     link_resistances,
     steady_current,
-    steady_state,
     time_constants,
 )
 
@@ -36,7 +35,7 @@ from ..posterior.posterior import Posterior
 from ..record.motor import LIMIT_DEGC
 from ..results.model import AT_REST, LOADED, DerivedFigure
 from .duties import Behind, Limit, Rated, alone, at_limit, duty_current, with_effects, within_rise
-from .machine import Tested, bounded_rise, figure, machines, tested, under_load
+from .machine import Tested, UnderLoad, bounded_rise, figure, machines, tested, under_load
 
 
 class Rates(NamedTuple):
@@ -75,10 +74,10 @@ def rates(
     """
 
     def one(values: dict[str, Float[Array, ""]]) -> Rates:
-        network, rated, drive, effects = under_load(model, values, loaded, winding)
+        under = under_load(model, values, loaded, winding)
+        network, rated, drive, effects = under
         losses = model.losses(values)
-        held = steady_current(network, rated, drive, winding, effects=effects).temperature
-        at = {node: jnp.where(jnp.isfinite(T), T, winding) for node, T in held.items()}
+        at = _with_winding_at(under, winding)
         timeless = replace(loaded, time=jnp.asarray(jnp.nan))
         return Rates(
             node_times=node_times(network),
@@ -91,6 +90,12 @@ def rates(
         )
 
     return jax.vmap(one)(values)
+
+
+def _with_winding_at(at: UnderLoad, winding: Float[Array, ""]) -> dict[str, Float[Array, ""]]:
+    """Return the steady temperatures that a winding at one would go with [degC]."""
+    held = steady_current(at.network, at.losses, at.drive, winding, effects=at.effects)
+    return {node: jnp.where(jnp.isfinite(T), T, winding) for node, T in held.temperature.items()}
 
 
 def node_times(network: Network) -> dict[str, Float[Array, ""]]:
@@ -187,11 +192,13 @@ def _at(
     drive: Drive,
     winding: Float[Array, ""],
 ):
-    """Return temperatures at the load [degC], and resistances under another drive [K/W]."""
+    """Return temperatures with the winding where it was under load in the tests [degC], and
+    resistances there under another drive [K/W].
+    """
 
     def one(values: dict[str, Float[Array, ""]]):
         at = under_load(model, values, loaded, winding)
-        T = steady_state(at.network, at.losses, at.drive, effects=at.effects)
+        T = _with_winding_at(at, winding)
         own = replace(drive, losses=at.drive.losses)
         return T, link_resistances(at.network, at.losses, own, T, effects=at.effects)
 
