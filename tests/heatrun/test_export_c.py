@@ -11,12 +11,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from simulators import fmu_error, has_modelica, modelica_error
 
 from heatrun import cli
 from heatrun.errors import InputError
 from heatrun.export import mat_bytes, network_variables
 from heatrun.export.c_file import CSource, Missed, export_c, in_comment
 from heatrun.export.network_course import read_network
+from heatrun.export.parameters import entries
 from heatrun.export.rerun import of_no_test, read_run_test
 from heatrun.model.catalogue import effects_named
 from heatrun.model.model import Model
@@ -63,6 +65,15 @@ def half_hour(machine):
     waves = 0.5 + 0.5 * np.sin(record.time_s / 200.0)
     further = {"fan": waves, "coolant_degC": 30.0 + 5.0 * waves}
     return Record(record.name, {**record.channels, **further})
+
+
+@pytest.fixture(scope="module")
+def two_hours(half_hour):
+    """The same, four times on end."""
+    time = half_hour.time_s
+    channels = {name: np.tile(values[:-1], 4) for name, values in half_hour.channels.items()}
+    channels["time_s"] = np.concatenate([time[:-1] + k * (time[-1] - time[0]) for k in range(4)])
+    return Record(half_hour.name, channels)
 
 
 def source(half_hour, machine, network="second", effects=(), said=SAID, step=1.0, **values):
@@ -119,18 +130,26 @@ def replay(folder, made, *words):
     ids=["first", "second", "four", "speed_cooling", "fan_cooling", "iron_loss", "sensor_lag",
          "ac_copper", "stray", "two_sinks"],
 )  # fmt: skip
-def test_it_is_as_lptn(tmp_path, half_hour, machine, network, effects, values):
-    made = source(half_hour, machine, network, effects, **values)
-    assert replay(tmp_path, made) < 1e-6
-    assert replay(tmp_path, made, "-DHEATRUN_REAL=float") < 0.05
+def test_it_is_as_lptn(tmp_path, two_hours, machine, network, effects, values):
+    is_as_lptn(tmp_path, two_hours, machine, network, effects, values)
 
 
 @needs_compiler
-def test_losses_of_a_map_come_on_top(tmp_path, half_hour, machine):
+def test_losses_of_a_map_come_on_top(tmp_path, two_hours, machine):
     values = {"ac_copper_loss.k": 0.3, "stray_load_loss.k": 60.0, "iron_loss_in_winding.q": 0.15}
     laws = ("ac_copper_loss", "stray_load_loss", "iron_loss_in_winding")
-    made = source(half_hour, replace(machine, losses="map"), "second", laws, **values)
-    assert replay(tmp_path, made) < 1e-6
+    is_as_lptn(tmp_path, two_hours, replace(machine, losses="map"), "second", laws, values)
+
+
+def is_as_lptn(folder, record, machine, network, effects, values):
+    """C, FMU and Modelica have the temperatures of lptn."""
+    made = source(record, machine, network, effects, **values)
+    assert replay(folder, made) < 1e-6
+    assert replay(folder, made, "-DHEATRUN_REAL=float") < 0.05
+    parameters = entries(made, Model.of(network, machine, effects_named(effects, "test")))
+    assert fmu_error(folder, made, parameters) < 1e-6
+    if has_modelica:
+        assert modelica_error(made, parameters) < 1e-6
 
 
 @needs_compiler
@@ -491,7 +510,7 @@ def test_what_changed_in_one_test_is_not_the_drives(day):
         (["run", "duty.csv", "--to", "c"], "--to c exports a run"),
         ([__file__, "--to", "c"], "--to c takes a run folder"),
         (["run", "--to", "c", "--corrected"], "a drive has its own instruments"),
-        (["run", "--to", "mat", "--step", "1"], "--step is for --to c"),
+        (["run", "--to", "mat", "--step", "1"], "--step is for --to c, fmu and modelica"),
     ],
 )
 def test_words_of_the_other_kind_are_refused(words, said, capsys):

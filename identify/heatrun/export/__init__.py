@@ -1,4 +1,4 @@
-"""A run's model for other programs: Simulink, MATLAB, Octave; C; drives; MuJoCo."""
+"""A run's model for other programs: Simulink, MATLAB, Octave; C; FMI; Modelica; drives; MuJoCo."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from .c_file import export_c
 from .contents import mat_bytes
 from .course import Course, simulate_variables
 from .drive import export_drive
+from .fmu import export_fmu
 from .mat import export_mat, export_test
+from .modelica import export_modelica
 from .mujoco import export_mujoco
 from .network_course import NetworkCourse, simulate_network
 from .network_file import network_variables
@@ -20,7 +22,9 @@ __all__ = [
     "RunAndTest",
     "export_c",
     "export_drive",
+    "export_fmu",
     "export_mat",
+    "export_modelica",
     "export_mujoco",
     "export_test",
     "mat_bytes",

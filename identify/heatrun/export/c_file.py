@@ -174,6 +174,57 @@ def export_c(
         InputError: As `read_run_test` and `network_variables`; if the source lacks the law of an
             effect, or the step is not one for this network; as `write_export`.
     """
+    made = read_source(run, test, network, is_replica, step)
+    content = {**made.source.texts(), VECTORS: made.source.vectors(made.found.record.name)}
+    places: Iterable[Path] = [folder] if folder else numbered(run / "c")
+    written = write_export(places, content, made.found.inputs, is_replacing=is_replacing)
+    notes = made.notes
+    if not made.source.has_observer:
+        notes = (*notes, f"There is no observer: its state would not fit into 1 kB with "
+                 f"{made.source.num_states} states (at most {MOST_STATES}).")  # fmt: skip
+    return made.said(written, notes) | {"has_observer": made.source.has_observer}
+
+
+@dataclass(frozen=True, eq=False)
+class ReadSource:
+    """The C of a run with what it was made of.
+
+    Attributes:
+        run: The run.
+        source: Its network as C.
+        found: Test and values.
+        notes: Sentences on what is in it.
+        is_replica: Whether it is the nearest network with `LAWS` alone.
+    """
+
+    run: Run
+    source: CSource
+    found: RunAndTest
+    notes: tuple[str, ...]
+    is_replica: bool
+
+    def said(self, written: Iterable[Path], notes: Iterable[str]) -> dict[str, Any]:
+        """Return what an export says of itself, as plain data."""
+        return {
+            "files": [str(path) for path in written],
+            "run": str(self.run.path),
+            "test": self.found.record.name,
+            "order": self.found.model.name,
+            "title": self.found.model.title,
+            "effects": [kind.card.id for kind in self.found.model.effects],
+            "nodes": self.source.nodes,
+            "step_s": self.source.step,
+            "parts": self.source.parts,
+            "vector_steps": self.source.num_vectors,
+            "notes": [*self.found.notes, *notes],
+            "findings": [],
+        }
+
+
+def read_source(
+    run: Path, test: str | None, network: str | None, is_replica: bool, step: float
+) -> ReadSource:
+    """Return the network of a run as C; arguments and errors as `export_c`."""
     if not is_replica:
         refuse_lawless(effects_of(run, network), str(run))
     is_replica = bool(lacking_laws(effects_of(run, network)))
@@ -193,27 +244,7 @@ def export_c(
         },
         step,
     )
-    content = {**source.texts(), VECTORS: source.vectors(found.record.name)}
-    places: Iterable[Path] = [folder] if folder else numbered(run / "c")
-    written = write_export(places, content, found.inputs, is_replacing=is_replacing)
-    if not source.has_observer:
-        notes = (*notes, f"There is no observer: its state would not fit into 1 kB with "
-                 f"{source.num_states} states (at most {MOST_STATES}).")  # fmt: skip
-    return {
-        "files": [str(path) for path in written],
-        "run": str(run),
-        "test": found.record.name,
-        "order": found.model.name,
-        "title": found.model.title,
-        "effects": [kind.card.id for kind in found.model.effects],
-        "nodes": source.nodes,
-        "step_s": step,
-        "parts": source.parts,
-        "vector_steps": source.num_vectors,
-        "has_observer": source.has_observer,
-        "notes": [*found.notes, *notes],
-        "findings": [],
-    }
+    return ReadSource(opened, source, found, notes, is_replica)
 
 
 def lacking_laws(ids: Iterable[str]) -> list[str]:
@@ -270,7 +301,7 @@ class CSource:
                 where="--step",
                 remedy="Pass the time between two calls of the drive [s].",
             )
-        parts = max(1, math.ceil(step * _fastest(found) / SHARE_OF_FASTEST))
+        parts = parts_of(step, found)
         if parts > MOST_PARTS:
             longest = step * MOST_PARTS / parts
             raise InputError(
@@ -324,6 +355,23 @@ class CSource:
         time = self.found["t"]
         return int(min(time[-1] - time[0], VECTOR_S) / self.step + 1e-9)
 
+    @property
+    def losses_words(self) -> str:
+        """What the losses are that drive this network."""
+        is_balance = self.found["losses"] == "balance"
+        return "all losses, copper included" if is_balance else "losses other than copper"
+
+    def largest(self) -> dict[str, str]:
+        """Return the limits of current, losses and speed as the header has them [A, W, rpm]."""
+        found = self.found
+        speed = found["speed_rpm"] if "speed_rpm" in self.inputs else 0.0
+        losses = found["Pd" if found["losses"] == "balance" else "Pol"]
+        return {
+            "max_current": _limit(10.0, found["Is"], found["rated_current_A"]),
+            "max_losses": _limit(10.0, losses, 1.0),
+            "max_speed": _limit(2.0, speed, found["rated_speed_rpm"]),
+        }
+
     def texts(self) -> dict[str, bytes]:
         """Return header, source and harness by file name."""
         filled = {**self._header(), **self._tables(), **self._observer()}
@@ -376,41 +424,32 @@ class CSource:
 
     def _header(self) -> dict[str, str]:
         found, inputs = self.found, self.inputs
-        speed = found["speed_rpm"] if "speed_rpm" in inputs else 0.0
-        loss = "Pd" if found["losses"] == "balance" else "Pol"
         names = _enumerators(self.nodes)
         return {name: in_comment(text) for name, text in self.said.items()} | {
             "version": __version__,
             "step": repr(float(self.step)),
             "num_nodes": str(len(self.nodes)),
+            "num_links": str(len(links_of(found))),
             "has_second": str(int("Te2" in inputs)),
             "has_speed": str(int("speed_rpm" in inputs)),
             "has_fan": str(int("fan" in inputs)),
-            "max_current": _limit(10.0, found["Is"], found["rated_current_A"]),
-            "max_losses": _limit(10.0, found[loss], 1.0),
-            "max_speed": _limit(2.0, speed, found["rated_speed_rpm"]),
+            **self.largest(),
             "node_enumerators": ",\n".join(
                 f"    HEATRUN_NODE_{name} = {i} /* {in_comment(node)} */"
                 for i, (name, node) in enumerate(zip(names, self.nodes, strict=True))
             ),
-            "losses_words": "all losses, copper included"
-            if loss == "Pd"
-            else "losses other than copper",
+            "losses_words": self.losses_words,
             "sink": in_comment(found["sink"]),
             "second_sink": in_comment(found.get("second_sink", "none")),
         }
 
-    def _tables(self) -> dict[str, str]:
-        found, nodes = self.found, self.nodes
-        links = _links(found)
-        ends = [*nodes, found["sink"], found.get("second_sink", "")]
-        share = np.atleast_1d(found["share"]).astype(float)
-        copper = nodes.index(found["copper_node"])
+    def parameters(self) -> dict[str, np.ndarray]:
+        """Return the members of `heatrun_parameters` [their units]: shape (node,), (link,), ()."""
+        found, nodes, links = self.found, self.nodes, links_of(self.found)
         by_link = {name: np.zeros(len(links)) for name in ("speed_gain", "speed_exponent",
                                                            "fan_gain")}  # fmt: skip
-        by_node = {name: np.zeros(len(nodes)) for name in ("speed_linear", "speed_square")}
-        is_balance, plain = found["losses"] == "balance", share.copy()
-        ac_copper = stray = moved = 0.0
+        by_node = {name: np.zeros(len(nodes)) for name in ("speed_loss_W", "speed_squared_loss_W")}
+        alone = dict.fromkeys(("iron_in_winding", "ac_copper", "stray_W"), 0.0)
         for effect in np.atleast_1d(found["effects"]):
             q = effect["parameters"]
             if effect["id"] == "speed_cooling":
@@ -419,37 +458,44 @@ class CSource:
             elif effect["id"] == "fan_cooling":
                 by_link["fan_gain"][links.index(tuple(effect["link"]))] = q["g"]
             elif effect["id"] == "iron_loss_in_winding":
-                moved = q["q"]
-                share = (1.0 - moved) * share + moved * (np.arange(len(nodes)) == copper)
+                alone["iron_in_winding"] = q["q"]
             elif effect["id"] == "ac_copper_loss":
-                ac_copper = q["k"]
+                alone["ac_copper"] = q["k"]
             elif effect["id"] == "stray_load_loss":
-                stray = q["k"] / found["rated_current_A"] ** 2
+                alone["stray_W"] = q["k"]
             elif effect["id"] != "sensor_lag":  # it is the observer's alone
                 place = nodes.index(effect["node"])
-                by_node["speed_linear"][place] += q["linear"]
-                by_node["speed_square"][place] += q["square"]
-        if is_balance:  # what is moved is a share of the other losses without these two
-            ac_copper, stray = ac_copper / (1.0 - moved), stray / (1.0 - moved)
-        per_square = found["phases"] * found["Rs0"] / (found["B"] + found["Tref"])
+                by_node["speed_loss_W"][place] += q["linear"]
+                by_node["speed_squared_loss_W"][place] += q["square"]
+        of_network = {
+            "capacitance_J_per_K": np.atleast_1d(found["capacitance"]),
+            "resistance_K_per_W": np.atleast_1d(found["resistance"]),
+            "share": np.atleast_1d(found["share"]),
+            "Rs0_ohm": found["Rs0"],
+        }
+        numbers = {**of_network, **alone, **by_link, **by_node}
+        return {name: np.asarray(value, float) for name, value in numbers.items()}
+
+    def _tables(self) -> dict[str, str]:
+        found = self.found
+        links = links_of(found)
+        ends = [*self.nodes, found["sink"], found.get("second_sink", "")]
+        is_balance = found["losses"] == "balance"
         return {
             "other_words": "losses - Pjs" if is_balance else "as given",
             "parts": str(self.parts),
-            "num_links": str(len(links)),
-            "copper": str(copper),
+            "copper": str(self.nodes.index(found["copper_node"])),
             "is_balance": str(int(is_balance)),
-            "capacitance": _reals(np.atleast_1d(found["capacitance"])),
-            "share": _reals(share),
-            "stray_share": _reals(0.0 * plain if is_balance else plain),
             "first": ", ".join(str(ends.index(a)) for a, _ in links),
             "second": ", ".join(str(ends.index(b)) for _, b in links),
-            "conductance": _reals(1.0 / np.atleast_1d(found["resistance"])),
             "coefficient": repr(float(found["B"])),
-            "copper_slope": repr(float(per_square)),
-            "ac_copper": repr(float(ac_copper)),
-            "stray": repr(float(stray)),
+            "copper_per_ohm": repr(float(found["phases"] / (found["B"] + found["Tref"]))),
             "rated_speed": repr(float(found["rated_speed_rpm"])),
-            **{name: _reals(values) for name, values in {**by_link, **by_node}.items()},
+            "rated_current": repr(float(found["rated_current_A"])),
+            **{
+                name: repr(float(values)) if values.ndim == 0 else _reals(values)
+                for name, values in self.parameters().items()
+            },
         }
 
     def _observer(self) -> dict[str, str]:
@@ -537,11 +583,16 @@ def _enumerators(nodes: Sequence[str]) -> list[str]:
     return names
 
 
+def parts_of(step: float, found: Mapping[str, Any]) -> int:
+    """Return into how many parts a step [s] of a network is divided."""
+    return max(1, math.ceil(step * _fastest(found) / SHARE_OF_FASTEST))
+
+
 def _fastest(found: Mapping[str, Any]) -> float:
     """Return a bound of the fastest rate of the network at its limits [1/s]."""
     nodes = [str(node) for node in np.atleast_1d(found["nodes"])]
     conductance = 1.0 / np.atleast_1d(found["resistance"])
-    links = _links(found)
+    links = links_of(found)
     for effect in np.atleast_1d(found["effects"]):
         if "link" in effect:  # a conductance that rises, at twice its rated speed
             place = links.index(tuple(effect["link"]))
@@ -553,7 +604,7 @@ def _rates(found: Mapping[str, Any]) -> np.ndarray:
     """Return how fast each node goes to what surrounds it [1/s], shape (node,)."""
     nodes = [str(node) for node in np.atleast_1d(found["nodes"])]
     conductance = 1.0 / np.atleast_1d(found["resistance"])
-    return _by_node(conductance, _links(found), nodes) / np.atleast_1d(found["capacitance"])
+    return _by_node(conductance, links_of(found), nodes) / np.atleast_1d(found["capacitance"])
 
 
 def _by_node(
@@ -565,7 +616,8 @@ def _by_node(
     ])  # fmt: skip
 
 
-def _links(found: Mapping[str, Any]) -> list[tuple[str, ...]]:
+def links_of(found: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """Return both ends of each link, in the order of the resistances."""
     return [tuple(map(str, link)) for link in np.reshape(found["links"], (-1, 2))]
 
 

@@ -1,0 +1,158 @@
+"""The parameters of the C of a run as other programs see them: names, units, 95 % intervals."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..model.model import Model
+from ..model.parameters import qualified
+from .c_file import CSource, ReadSource, links_of
+from .contents import NETWORK, mat_bytes
+from .network_course import read_network
+
+OF_EFFECTS = {
+    "speed_gain": ("speed_cooling.g", "1", "gain of a conductance at the rated speed"),
+    "speed_exponent": ("speed_cooling.m", "1", "exponent of the speed"),
+    "fan_gain": ("fan_cooling.g", "1", "gain of a conductance at the rated fan"),
+    "iron_in_winding": ("iron_loss_in_winding.q", "1", "share of the other losses in the winding"),
+    "ac_copper": ("ac_copper_loss.k", "1", "more copper loss at the rated speed"),
+    "stray_W": ("stray_load_loss.k", "W", "stray loss at the rated speed and current"),
+    "speed_loss_W": ("speed_loss.linear", "W", "loss at 1000 rpm that grows with the speed"),
+    "speed_squared_loss_W": ("speed_loss.square", "W", "loss at 1000 rpm, with its square"),
+    "share": ("share", "1", "share of the losses other than copper"),
+}
+"""Name, unit and meaning of what stands in the C beside capacities and resistances."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One number among the parameters of the C.
+
+    Attributes:
+        name: In letters, digits and points, each once.
+        member: Of `heatrun_parameters`.
+        index: Its place there; None for a member that is one number.
+        unit: Its unit, `"1"` for none.
+        meaning: What it is.
+        value: What the run states [unit].
+        interval_95: Its 95 % interval [unit]; None where the run has none for it.
+    """
+
+    name: str
+    member: str
+    index: int | None
+    unit: str
+    meaning: str
+    value: float
+    interval_95: tuple[float, float] | None
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Between which it may be set: half and twice, and all of the interval [unit]."""
+        values = (self.value, *(self.interval_95 or ()))
+        low, high = min(0.5 * self.value, *values), max(2.0 * self.value, *values)
+        is_share = self.member in ("share", "iron_in_winding")
+        return low, min(high, 0.5 * (1.0 + max(values))) if is_share else high
+
+    @property
+    def words(self) -> str:
+        """Meaning with value and interval."""
+        if self.interval_95 is None:
+            return self.meaning
+        low, high = self.interval_95
+        return f"{self.meaning}; 95 % interval {low:.4g} to {high:.4g}"
+
+
+def ends(read: ReadSource, network: str | None) -> list[CSource]:
+    """Return the C with all parameters at the lower, and at the upper ends of the run's 95 %
+    intervals; none for a replica, which has no intervals.
+
+    Args:
+        read: The C of a run.
+        network: Name of the network; None for the last one.
+    """
+    if read.is_replica:
+        return []
+    run, found, source = read.run, read.found, read.source
+    fitted = run.result.models[run.choose(network)]
+    stated = {**fitted.parameters, **fitted.nuisances}
+    names = {each.name for each in found.model.form.parameters} | {"Rs0"}
+    names |= {
+        qualified(kind, name) for kind in found.model.effects for name in kind.card.parameters
+    }
+    made = []
+    for end in (0, 1):
+        moved = {n: stated[n].interval_95[end] for n in names & found.values.keys() & stated.keys()}
+        variables, _ = NETWORK.variables(replace(found, values={**found.values, **moved}))
+        made.append(replace(source, found=read_network(mat_bytes(variables))))
+    return made
+
+
+def entries(source: CSource, model: Model, ends: Iterable[CSource] = ()) -> list[Entry]:
+    """Return the parameters that a run has found, in the order of the C.
+
+    Args:
+        source: The network as C.
+        model: That it was made of.
+        ends: The same at the ends of the intervals; empty where there are none.
+    """
+    tables = [each.parameters() for each in (source, *ends)]
+    kept = []
+    for member, values in tables[0].items():
+        for place in np.ndindex(values.shape):
+            value, *limits = (float(table[member][place]) for table in tables)
+            is_there = any((value, *limits)) if member != "share" else len({value, *limits}) > 1
+            if is_there:
+                index = place[0] if place else None
+                interval = (min(limits), max(limits)) if limits else None
+                said = _said(source, model, member, index)
+                kept.append(Entry(said[0], member, index, *said[1:], value, interval))
+    names = unique((each.name for each in kept), ["time"])
+    return [replace(each, name=name) for each, name in zip(kept, names, strict=True)]
+
+
+def stated(parameters: Iterable[Entry]) -> dict[str, Any]:
+    """Return value, 95 % interval and unit by name, as plain data."""
+    return {each.name: {"value": each.value, "interval_95": each.interval_95, "unit": each.unit}
+            for each in parameters}  # fmt: skip
+
+
+def _said(source: CSource, model: Model, member: str, index: int | None) -> tuple[str, str, str]:
+    """Return name, unit and meaning."""
+    form, nodes, links = model.form, source.nodes, links_of(source.found)
+    if member == "capacitance_J_per_K" and index is not None:
+        parameter = dict(form.capacitance)[nodes[index]]
+        return parameter.name, "J/K", parameter.meaning
+    if member == "resistance_K_per_W" and index is not None:
+        a, b = links[index]
+        parameter = dict(form.resistance)[a, b]
+        return parameter.name, "K/W", parameter.meaning
+    if member == "Rs0_ohm":
+        return "Rs0", "Ohm", f"phase resistance at {float(source.found['Tref']):g} degC"
+    name, unit, meaning = OF_EFFECTS[member]
+    if member.startswith(("speed_loss", "speed_squared", "share")) and index is not None:
+        name, meaning = f"{name}.{nodes[index]}", f"{meaning}, {nodes[index]}"
+    return name, unit, meaning
+
+
+def unique(names: Iterable[str], taken: Iterable[str] = (), point: str = ".") -> Iterator[str]:
+    """Give names in letters and digits that any program reads, each once.
+
+    Args:
+        names: Any names; points part them.
+        taken: Names that are there already.
+        point: What parts them afterwards.
+    """
+    used = set(taken)
+    for name in names:
+        parts = name.split(".")
+        plain = point.join(re.sub(r"\W|^(?=\d)|^$", "_", each, flags=re.ASCII) for each in parts)
+        while plain in used:
+            plain += "_"
+        used.add(plain)
+        yield plain
