@@ -1,4 +1,5 @@
-package Modelica "Those parts of the Modelica Standard Library 4.0 that an export uses"
+package Modelica "Stands in for those parts of the Modelica Standard Library 4 that an export uses: the same
+  names, ports and equations"
   package Units
     package SI
       type HeatCapacity = Real(final quantity = "HeatCapacity", final unit = "J/K");

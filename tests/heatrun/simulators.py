@@ -6,6 +6,7 @@ import importlib.util
 import io
 import os
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import fmpy
@@ -21,9 +22,15 @@ LIBRARY = os.environ.get("MODELICAPATH") or str(Path(__file__).with_name("modeli
 """The standard library where it is there, else those of its parts that an export uses."""
 
 
+@cache
+def vectors_text(made):
+    """Return the vectors of a source, made once."""
+    return made.vectors("duty")
+
+
 def vectors_of(made):
     """Return the rows of its vectors with their names: the start, then each step."""
-    text = made.vectors("duty").decode()
+    text = vectors_text(made).decode()
     return np.genfromtxt(io.StringIO(text), delimiter=",", names=True, skip_header=1)
 
 

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from simulators import fmu_error, has_modelica, modelica_error
+from simulators import fmu_error, has_modelica, modelica_error, vectors_text
 
 from heatrun import cli
 from heatrun.errors import InputError
-from heatrun.export import mat_bytes, network_variables
-from heatrun.export.c_file import CSource, Missed, export_c, in_comment
+from heatrun.export import export_source, mat_bytes, network_variables
+from heatrun.export.c_file import CSource, Missed, in_comment
 from heatrun.export.network_course import read_network
 from heatrun.export.parameters import entries
 from heatrun.export.rerun import of_no_test, read_run_test
@@ -100,7 +100,7 @@ def build(folder, made, *words, harness="main.c"):
 def replay(folder, made, *words):
     """Return the largest difference to lptn that the harness prints [K]."""
     program = build(folder, made, *words)
-    (folder / "vectors.csv").write_bytes(made.vectors("duty"))
+    (folder / "vectors.csv").write_bytes(vectors_text(made))
     done = subprocess.run([program, "vectors.csv"], cwd=folder, capture_output=True, text=True,
                           check=False)  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
@@ -150,6 +150,48 @@ def is_as_lptn(folder, record, machine, network, effects, values):
     assert fmu_error(folder, made, parameters) < 1e-6
     if has_modelica:
         assert modelica_error(made, parameters) < 1e-6
+
+
+@pytest.fixture(scope="module")
+def every_law(half_hour, machine, tmp_path_factory):
+    """A folder with the source that holds all laws, and two sinks."""
+    laws = ("speed_cooling", "fan_cooling", "ac_copper_loss", "stray_load_loss",
+            "iron_loss_in_winding", "sensor_lag")  # fmt: skip
+    values = {"fan_cooling.g": 0.8, "ac_copper_loss.k": 0.3, "stray_load_loss.k": 60.0,
+              "iron_loss_in_winding.q": 0.15, "sensor_lag.tau": 20.0,
+              "P_mechanical_n": 30.0, "P_mechanical_n2": 5.0}  # fmt: skip
+    network = network_of_text(TWO_SINKS, "sinks.toml")
+    folder = tmp_path_factory.mktemp("every_law")
+    for name, text in source(half_hour, machine, network, laws, **values).texts().items():
+        (folder / name).write_bytes(text)
+    return folder
+
+
+def checked(folder, *command):
+    """Return what a checker says of a folder."""
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    return done.returncode, done.stdout + done.stderr
+
+
+@pytest.mark.skipif(shutil.which("clang") is None, reason="no clang")
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_clang_warns_of_nothing(every_law, real):
+    command = ["clang", *STRICT, f"-DHEATRUN_REAL={real}", "-fsyntax-only", "main.c",
+               "thermal_network.c"]  # fmt: skip
+    assert checked(every_law, *command) == (0, "")
+
+
+@pytest.mark.skipif(shutil.which("cppcheck") is None, reason="no cppcheck")
+def test_cppcheck_finds_what_is_justified_alone(every_law):
+    command = ["cppcheck", "--quiet", "--std=c99"]
+    every = ["--enable=warning,style,performance,portability", "main.c", "thermal_network.c"]
+    assert checked(every_law, *command, *every) == (0, "")
+    status, said = checked(every_law, *command, "--addon=misra", "thermal_network.c")
+    found = set(re.findall(r"misra-c2012-(\d+\.\d+)", said))
+    page = (Path(__file__).parents[2] / "docs" / "drive.md").read_text()
+    rows = re.findall(r"^\| ((?:\d+\.\d+(?:, )?)+) \|", page, flags=re.MULTILINE)
+    assert status == 0
+    assert found == {rule for row in rows for rule in row.split(", ")}
 
 
 @needs_compiler
@@ -459,19 +501,19 @@ def test_the_command_writes_what_compiles_and_replays(day, capsys):
     subprocess.run(["drive/replay", "drive/vectors.csv"], check=True)
     header = Path("drive/thermal_network.h").read_text()
     assert f"SHA-256:  {hashlib.sha256(Path('run/fit.json').read_bytes()).hexdigest()}" in header
-    again = export_c(Path("run"), folder=Path("drive"), step=0.5)
+    again = export_source(Path("run"), folder=Path("drive"), step=0.5)
     assert Path(again["files"][0]).read_text() == header
     with pytest.raises(InputError, match="holds another export"):
-        export_c(Path("run"), folder=Path("drive"))
+        export_source(Path("run"), folder=Path("drive"))
     Path("drive/main.c").write_text("int main(void) { return 0; }")
     with pytest.raises(InputError, match="not as heatrun writes it"):
-        export_c(Path("run"), folder=Path("drive"), step=0.5, is_replacing=True)
+        export_source(Path("run"), folder=Path("drive"), step=0.5, is_replacing=True)
 
 
 @needs_compiler
 def test_the_band_of_a_run_holds_on_other_loads(day, generator):
     """The simulated bench is code of its own; the sensor is pulled for ten minutes, twice."""
-    export_c(Path("run"), folder=Path("drive"))
+    export_source(Path("run"), folder=Path("drive"))
     shutil.copy(Path(__file__).with_name("observe.c"), "drive")
     command = [str(COMPILER), *STRICT, "observe.c", "thermal_network.c", "-o", "observe"]
     subprocess.run(command, cwd="drive", check=True)

@@ -141,14 +141,7 @@ def _refuse_mixed(options: argparse.Namespace) -> None:
 
 
 def _of_run(options: argparse.Namespace) -> dict[str, Any]:
-    from ..export import (
-        export_c,
-        export_drive,
-        export_fmu,
-        export_mat,
-        export_modelica,
-        export_mujoco,
-    )
+    from ..export import export_drive, export_mat, export_mujoco, export_source
 
     if not options.source.is_dir() and options.source.exists():
         raise UsageError("a file of parameters holds no test: name a bench file after it")
@@ -160,8 +153,9 @@ def _of_run(options: argparse.Namespace) -> dict[str, Any]:
     if options.to == "mujoco":
         return export_mujoco(options.source, motor_constant=options.motor_constant, **where)
     if options.to in OF_TEST:
-        return {"c": export_c, "fmu": export_fmu, "modelica": export_modelica}[options.to](
+        return export_source(
             options.source,
+            to=options.to,
             test=options.test,
             is_replica=options.replica,
             **where,

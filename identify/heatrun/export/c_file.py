@@ -9,7 +9,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
-from pathlib import Path
 from string import Template
 from typing import Any
 
@@ -17,23 +16,17 @@ import numpy as np
 from scipy.optimize import nnls
 
 from ..errors import InputError
-from ..io.whole_files import numbered
 from ..model.model import Model
 from ..record.samples import BLOCK_S
 from ..results.model import FittedModel
 from ..results.values import known
-from ..runs.run import Run, open_run
+from ..runs.run import Run
 from ..version import __version__
-from .contents import NETWORK, mat_bytes, write_export
-from .network_course import read_network, simulate_held
+from .network_course import simulate_held
 from .network_file import SIGNALS
 from .rerun import (
     Predicted,
     RunAndTest,
-    as_replica,
-    effects_of,
-    of_no_test,
-    read_run_test,
 )
 
 HEADER, SOURCE, HARNESS, VECTORS = "thermal_network.h", "thermal_network.c", "main.c", "vectors.csv"
@@ -142,109 +135,6 @@ class Missed:
         """
         white = self.white_K**2 * max(1.0, BLOCK_S / step)
         return math.sqrt(max(white, self.resolution_K**2 / 12.0) + 1e-6)
-
-
-def export_c(
-    run: Path,
-    *,
-    folder: Path | None = None,
-    test: str | None = None,
-    network: str | None = None,
-    is_replica: bool = False,
-    is_replacing: bool = False,
-    step: float = STEP_S,
-) -> dict[str, Any]:
-    """Write the network of a run as C99, with vectors of a test and a harness beside it.
-
-    Args:
-        run: The run folder.
-        folder: Where the files go; None for a folder `c` in the run, numbered where that holds
-            another export.
-        test: As `read_run_test`.
-        network: As `read_run_test`.
-        is_replica: Whether the nearest network with `LAWS` alone goes in its place.
-        is_replacing: Whether another export in `folder` is replaced.
-        step: Length of a step [s].
-
-    Returns:
-        As plain data: the files, test, network (`order`, `title`) and effects, nodes, step [s],
-        its parts, steps of the vectors, whether there is an observer, notes and findings.
-
-    Raises:
-        InputError: As `read_run_test` and `network_variables`; if the source lacks the law of an
-            effect, or the step is not one for this network; as `write_export`.
-    """
-    made = read_source(run, test, network, is_replica, step)
-    content = {**made.source.texts(), VECTORS: made.source.vectors(made.found.record.name)}
-    places: Iterable[Path] = [folder] if folder else numbered(run / "c")
-    written = write_export(places, content, made.found.inputs, is_replacing=is_replacing)
-    notes = made.notes
-    if not made.source.has_observer:
-        notes = (*notes, f"There is no observer: its state would not fit into 1 kB with "
-                 f"{made.source.num_states} states (at most {MOST_STATES}).")  # fmt: skip
-    return made.said(written, notes) | {"has_observer": made.source.has_observer}
-
-
-@dataclass(frozen=True, eq=False)
-class ReadSource:
-    """The C of a run with what it was made of.
-
-    Attributes:
-        run: The run.
-        source: Its network as C.
-        found: Test and values.
-        notes: Sentences on what is in it.
-        is_replica: Whether it is the nearest network with `LAWS` alone.
-    """
-
-    run: Run
-    source: CSource
-    found: RunAndTest
-    notes: tuple[str, ...]
-    is_replica: bool
-
-    def said(self, written: Iterable[Path], notes: Iterable[str]) -> dict[str, Any]:
-        """Return what an export says of itself, as plain data."""
-        return {
-            "files": [str(path) for path in written],
-            "run": str(self.run.path),
-            "test": self.found.record.name,
-            "order": self.found.model.name,
-            "title": self.found.model.title,
-            "effects": [kind.card.id for kind in self.found.model.effects],
-            "nodes": self.source.nodes,
-            "step_s": self.source.step,
-            "parts": self.source.parts,
-            "vector_steps": self.source.num_vectors,
-            "notes": [*self.found.notes, *notes],
-            "findings": [],
-        }
-
-
-def read_source(
-    run: Path, test: str | None, network: str | None, is_replica: bool, step: float
-) -> ReadSource:
-    """Return the network of a run as C; arguments and errors as `export_c`."""
-    if not is_replica:
-        refuse_lawless(effects_of(run, network), str(run))
-    is_replica = bool(lacking_laws(effects_of(run, network)))
-    opened = open_run(run)
-    whole = of_no_test(read_run_test(run, test=test, network=network), network)
-    found, bias = as_replica(whole, network, LAWS) if is_replica else (whole, 0.0)
-    variables, notes = NETWORK.variables(found)
-    title = found.model.title
-    source = CSource.of(
-        read_network(mat_bytes(variables)),
-        Missed.of(opened, network, found, whole.predicted, bias),
-        {
-            "run": run.resolve().name,
-            "sha256": opened.manifest["files"]["fit.json"],
-            "machine": found.motor.name,
-            "network": f"{title} (replica)" if is_replica else title,
-        },
-        step,
-    )
-    return ReadSource(opened, source, found, notes, is_replica)
 
 
 def lacking_laws(ids: Iterable[str]) -> list[str]:

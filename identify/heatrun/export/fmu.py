@@ -14,30 +14,17 @@ import re
 import subprocess
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
-from ..io.whole_files import numbered
 from ..version import __version__
-from .c_file import (
-    HEADER,
-    INPUTS,
-    SOURCE,
-    STEP_S,
-    VECTORS,
-    CSource,
-    filled_template,
-    in_comment,
-    parts_of,
-    read_source,
-)
-from .contents import write_export, zipped
-from .parameters import Entry, ends, entries, stated, unique
+from .c_file import HEADER, INPUTS, SOURCE, CSource, filled_template, in_comment, parts_of
+from .parameters import Entry, unique
 
 NAME = "thermal_network"
 
@@ -64,8 +51,7 @@ TEMPERATURES = (-100.0, 500.0)
 """Between which the C takes them [degC]."""
 
 
-@dataclass(frozen=True)
-class Variable:
+class Variable(NamedTuple):
     """A variable of the FMU; its value reference is its place in their list.
 
     Attributes:
@@ -87,52 +73,6 @@ class Variable:
     bounds: tuple[float, float] = (-1e300, 1e300)
 
 
-def export_fmu(
-    run: Path,
-    *,
-    folder: Path | None = None,
-    test: str | None = None,
-    network: str | None = None,
-    is_replica: bool = False,
-    is_replacing: bool = False,
-    step: float = STEP_S,
-) -> dict[str, Any]:
-    """Write the network of a run as an FMU, with vectors of a test beside it.
-
-    It is compiled where FMPy and a C compiler are there; else it holds its sources alone, and a
-    note says so.
-
-    Args:
-        run: The run folder.
-        folder: Where the files go; None for a folder `fmu` in the run, numbered where that holds
-            another export.
-        test: As `read_run_test`.
-        network: As `read_run_test`.
-        is_replica: As `export_c`; a replica has no intervals.
-        is_replacing: Whether another export in `folder` is replaced.
-        step: Longest step inside a communication step [s].
-
-    Returns:
-        As `export_c`, with `parameters`: value, 95 % interval and unit by name.
-
-    Raises:
-        InputError: As `export_c`.
-    """
-    read = read_source(run, test, network, is_replica, step)
-    parameters = entries(read.source, read.found.model, ends(read, network))
-    files = fmu_files(read.source, parameters)
-    binaries, why_none = compiled(files)
-    vectors = read.source.vectors(read.found.record.name)
-    written = write_export(
-        [folder] if folder else numbered(run / "fmu"),
-        {f"{NAME}.fmu": zipped({**files, **binaries}), VECTORS: vectors},
-        read.found.inputs,
-        is_replacing=is_replacing,
-    )
-    said = read.said(written, [*read.notes, *why_none])
-    return said | {"parameters": stated(parameters), "is_compiled": bool(binaries)}
-
-
 def fmu_files(source: CSource, parameters: Sequence[Entry]) -> dict[str, bytes]:
     """Return what an FMU holds, without binaries, by path.
 
@@ -151,8 +91,8 @@ def fmu_files(source: CSource, parameters: Sequence[Entry]) -> dict[str, bytes]:
     texts = source.texts()
     variables = _variables(source, parameters)
     rows = [
-        f"    {{offsetof(machine, {each.member}), {_kind(each)}, {each.bounds[0]!r}, "
-        f"{each.bounds[1]!r}, {each.start!r}}}"
+        f"    {{offsetof(machine, {each.member}), {each.causality.upper()}, "
+        f"{each.bounds[0]!r}, {each.bounds[1]!r}, {each.start!r}}}"
         for each in variables
     ]
     whole = hashlib.sha256(b"".join(texts.values()) + "\n".join(rows).encode()).hexdigest()
@@ -188,8 +128,8 @@ def _variables(source: CSource, parameters: Sequence[Entry]) -> list[Variable]:
     }
     made = [Variable("time", "time_s", "independent", "s", "time")]
     made += [
-        Variable(each.name, f"parameters.{each.member}" + _at(each.index), "parameter", each.unit,
-                 each.words, each.value, each.bounds)
+        Variable(each.name, f"parameters.{each.member}{'' if each.index is None else [each.index]}",
+                 "parameter", each.unit, each.words, each.value, each.bounds)
         for each in parameters
     ]  # fmt: skip
     made += [
@@ -208,20 +148,12 @@ def _variables(source: CSource, parameters: Sequence[Entry]) -> list[Variable]:
         for i, node in enumerate(nodes)
     ]  # fmt: skip
     names = unique(each.name for each in made)
-    return [replace(each, name=name) for each, name in zip(made, names, strict=True)]
+    return [each._replace(name=name) for each, name in zip(made, names, strict=True)]
 
 
 def _text(text: str) -> str:
     """Return text without what XML cannot hold, escaped or not."""
     return re.sub(r"[^ -~\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "?", text)
-
-
-def _at(index: int | None) -> str:
-    return "" if index is None else f"[{index}]"
-
-
-def _kind(variable: Variable) -> str:
-    return {"parameter": "PARAMETER", "input": "INPUT"}.get(variable.causality, "RESULT")
 
 
 def _description(source: CSource, variables: Sequence[Variable], token: str) -> bytes:
@@ -236,9 +168,7 @@ def _description(source: CSource, variables: Sequence[Variable], token: str) -> 
         "variableNamingConvention": "structured",
     })  # fmt: skip
     SubElement(root, "CoSimulation", {
-        "modelIdentifier": NAME,
-        "canGetAndSetFMUState": "true",
-        "canHandleVariableCommunicationStepSize": "true",
+        "modelIdentifier": NAME, "canHandleVariableCommunicationStepSize": "true",
     })  # fmt: skip
     _units(SubElement(root, "UnitDefinitions"), "", (each.unit for each in variables))
     categories = SubElement(root, "LogCategories")

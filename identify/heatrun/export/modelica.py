@@ -6,82 +6,34 @@ Reference: Modelica Standard Library 4, Modelica.Thermal.HeatTransfer.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from ..io.whole_files import numbered
 from ..version import __version__
-from .c_file import (
-    INPUTS,
-    STEP_S,
-    VECTORS,
-    CSource,
-    filled_template,
-    in_comment,
-    links_of,
-    read_source,
-)
-from .contents import write_export
-from .parameters import Entry, ends, entries, stated, unique
-
-NAME = "ThermalNetwork"
+from .c_file import INPUTS, CSource, filled_template, in_comment, links_of
+from .parameters import Entry, unique
 
 TYPES = {"J/K": "HeatCapacity", "K/W": "ThermalResistance", "Ohm": "Resistance", "W": "Power"}
 """Type in Modelica.Units.SI of each unit."""
 
-KEYWORDS = (
-    "algorithm and annotation block break class connect connector constant constrainedby der "
-    "discrete each else elseif elsewhen encapsulated end enumeration equation expandable extends "
-    "external false final flow for function if import impure in initial inner input loop model not "
-    "operator or outer output package parameter partial protected public pure record redeclare "
-    "replaceable return stream then time true type when while within Modelica"
-).split()
+KEYWORDS = re.findall(
+    r"\w+",
+    """
+    algorithm and annotation block break class connect connector constant constrainedby der
+    discrete each else elseif elsewhen encapsulated end enumeration equation expandable extends
+    external false final flow for function if import impure in initial inner input loop model not
+    operator or outer output package parameter partial protected public pure record redeclare
+    replaceable return stream then time true type when while within Modelica
+    """,
+)
 """Words that are no names, and that of the library."""
 
 ZERO_K = "273.15"
 """0 degC."""
 
 HEAT, BLOCKS = "Modelica.Thermal.HeatTransfer", "Modelica.Blocks.Interfaces"
-
-
-def export_modelica(
-    run: Path,
-    *,
-    folder: Path | None = None,
-    test: str | None = None,
-    network: str | None = None,
-    is_replica: bool = False,
-    is_replacing: bool = False,
-    step: float = STEP_S,
-) -> dict[str, Any]:
-    """Write the network of a run as Modelica, with vectors of a test beside it.
-
-    Args:
-        run: The run folder.
-        folder: Where the files go; None for a folder `modelica` in the run, numbered where that
-            holds another export.
-        test: As `read_run_test`.
-        network: As `read_run_test`.
-        is_replica: As `export_c`; a replica has no intervals.
-        is_replacing: Whether another export in `folder` is replaced.
-        step: Between the rows of the vectors [s].
-
-    Returns:
-        As `export_c`, with `parameters` as `export_fmu`.
-
-    Raises:
-        InputError: As `export_c`.
-    """
-    read = read_source(run, test, network, is_replica, step)
-    parameters = entries(read.source, read.found.model, ends(read, network))
-    content = {f"{NAME}.mo": modelica(read.source, parameters),
-               VECTORS: read.source.vectors(read.found.record.name)}  # fmt: skip
-    places = [folder] if folder else numbered(run / "modelica")
-    written = write_export(places, content, read.found.inputs, is_replacing=is_replacing)
-    return read.said(written, read.notes) | {"parameters": stated(parameters)}
 
 
 def modelica(source: CSource, parameters: Sequence[Entry]) -> bytes:

@@ -5,15 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from ..model.model import Model
-from ..model.parameters import qualified
-from .c_file import CSource, ReadSource, links_of
-from .contents import NETWORK, mat_bytes
-from .network_course import read_network
+from .c_file import CSource, links_of
 
 OF_EFFECTS = {
     "speed_gain": ("speed_cooling.g", "1", "gain of a conductance at the rated speed"),
@@ -22,11 +18,15 @@ OF_EFFECTS = {
     "iron_in_winding": ("iron_loss_in_winding.q", "1", "share of the other losses in the winding"),
     "ac_copper": ("ac_copper_loss.k", "1", "more copper loss at the rated speed"),
     "stray_W": ("stray_load_loss.k", "W", "stray loss at the rated speed and current"),
-    "speed_loss_W": ("speed_loss.linear", "W", "loss at 1000 rpm that grows with the speed"),
-    "speed_squared_loss_W": ("speed_loss.square", "W", "loss at 1000 rpm, with its square"),
-    "share": ("share", "1", "share of the losses other than copper"),
+    "speed_loss_W": ("speed_loss.{0}.linear", "W", "loss of {0} at 1000 rpm by the speed"),
+    "speed_squared_loss_W": (
+        "speed_loss.{0}.square",
+        "W",
+        "loss of {0} at 1000 rpm by its square",
+    ),
+    "share": ("share.{0}", "1", "share of the losses other than copper in {0}"),
 }
-"""Name, unit and meaning of what stands in the C beside capacities and resistances."""
+"""Name, unit and meaning of what stands in the C beside C, R and Rs0; {0} is a node."""
 
 
 @dataclass(frozen=True)
@@ -68,31 +68,6 @@ class Entry:
         return f"{self.meaning}; 95 % interval {low:.4g} to {high:.4g}"
 
 
-def ends(read: ReadSource, network: str | None) -> list[CSource]:
-    """Return the C with all parameters at the lower, and at the upper ends of the run's 95 %
-    intervals; none for a replica, which has no intervals.
-
-    Args:
-        read: The C of a run.
-        network: Name of the network; None for the last one.
-    """
-    if read.is_replica:
-        return []
-    run, found, source = read.run, read.found, read.source
-    fitted = run.result.models[run.choose(network)]
-    stated = {**fitted.parameters, **fitted.nuisances}
-    names = {each.name for each in found.model.form.parameters} | {"Rs0"}
-    names |= {
-        qualified(kind, name) for kind in found.model.effects for name in kind.card.parameters
-    }
-    made = []
-    for end in (0, 1):
-        moved = {n: stated[n].interval_95[end] for n in names & found.values.keys() & stated.keys()}
-        variables, _ = NETWORK.variables(replace(found, values={**found.values, **moved}))
-        made.append(replace(source, found=read_network(mat_bytes(variables))))
-    return made
-
-
 def entries(source: CSource, model: Model, ends: Iterable[CSource] = ()) -> list[Entry]:
     """Return the parameters that a run has found, in the order of the C.
 
@@ -110,34 +85,27 @@ def entries(source: CSource, model: Model, ends: Iterable[CSource] = ()) -> list
             if is_there:
                 index = place[0] if place else None
                 interval = (min(limits), max(limits)) if limits else None
-                said = _said(source, model, member, index)
-                kept.append(Entry(said[0], member, index, *said[1:], value, interval))
+                name, unit, meaning = _said(source, model, member, index)
+                kept.append(Entry(name, member, index, unit, meaning, value, interval))
     names = unique((each.name for each in kept), ["time"])
     return [replace(each, name=name) for each, name in zip(kept, names, strict=True)]
-
-
-def stated(parameters: Iterable[Entry]) -> dict[str, Any]:
-    """Return value, 95 % interval and unit by name, as plain data."""
-    return {each.name: {"value": each.value, "interval_95": each.interval_95, "unit": each.unit}
-            for each in parameters}  # fmt: skip
 
 
 def _said(source: CSource, model: Model, member: str, index: int | None) -> tuple[str, str, str]:
     """Return name, unit and meaning."""
     form, nodes, links = model.form, source.nodes, links_of(source.found)
-    if member == "capacitance_J_per_K" and index is not None:
-        parameter = dict(form.capacitance)[nodes[index]]
-        return parameter.name, "J/K", parameter.meaning
-    if member == "resistance_K_per_W" and index is not None:
-        a, b = links[index]
+    if member == "capacitance_J_per_K":
+        parameter = dict(form.capacitance)[nodes[index or 0]]
+        return parameter.name, parameter.unit, parameter.meaning
+    if member == "resistance_K_per_W":
+        a, b = links[index or 0]
         parameter = dict(form.resistance)[a, b]
-        return parameter.name, "K/W", parameter.meaning
+        return parameter.name, parameter.unit, parameter.meaning
     if member == "Rs0_ohm":
         return "Rs0", "Ohm", f"phase resistance at {float(source.found['Tref']):g} degC"
     name, unit, meaning = OF_EFFECTS[member]
-    if member.startswith(("speed_loss", "speed_squared", "share")) and index is not None:
-        name, meaning = f"{name}.{nodes[index]}", f"{meaning}, {nodes[index]}"
-    return name, unit, meaning
+    node = nodes[index] if "{0}" in name and index is not None else ""
+    return name.format(node), unit, meaning.format(node)
 
 
 def unique(names: Iterable[str], taken: Iterable[str] = (), point: str = ".") -> Iterator[str]:

@@ -20,7 +20,7 @@ typedef struct {
     fmi3LogMessageCallback log;
 } machine;
 
-typedef enum { PARAMETER, INPUT, RESULT } causality;
+typedef enum { PARAMETER, INPUT, OUTPUT, INDEPENDENT } causality;
 
 /* By value reference: where it stands, what it is, least and largest value, value at the start. */
 static const struct {
@@ -115,22 +115,6 @@ fmi3Status fmi3Reset(fmi3Instance instance)
     return fmi3OK;
 }
 
-fmi3Status fmi3Terminate(fmi3Instance instance)
-{
-    return fmi3OK;
-}
-
-fmi3Status fmi3EnterStepMode(fmi3Instance instance)
-{
-    return fmi3OK;
-}
-
-fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean loggingOn, size_t nCategories,
-                               const fmi3String categories[])
-{
-    return fmi3OK; /* errors are always said */
-}
-
 fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference valueReferences[],
                           size_t nValueReferences, fmi3Float64 values[], size_t nValues)
 {
@@ -155,7 +139,7 @@ fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference valueR
     size_t i;
     for (i = 0; i < nValues && nValues == nValueReferences; ++i) {
         const size_t reference = valueReferences[i];
-        if (reference >= NUM_VARIABLES || VARIABLES[reference].kind == RESULT
+        if (reference >= NUM_VARIABLES || VARIABLES[reference].kind > INPUT
             || (VARIABLES[reference].kind == PARAMETER && self->is_started)) {
             return said(self, "only inputs can be set, and parameters before the start");
         }
@@ -197,39 +181,18 @@ fmi3Status fmi3DoStep(
     return fmi3OK;
 }
 
-fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *FMUState)
-{
-    if (*FMUState == NULL) {
-        *FMUState = malloc(sizeof(machine));
-    }
-    if (*FMUState == NULL) {
-        return fmi3Error;
-    }
-    memcpy(*FMUState, instance, sizeof(machine));
-    return fmi3OK;
-}
-
-fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState FMUState)
-{
-    memcpy(instance, FMUState, sizeof(machine));
-    ((machine *)instance)->state.parameters = &((machine *)instance)->parameters;
-    return fmi3OK;
-}
-
-fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState *FMUState)
-{
-    free(*FMUState);
-    *FMUState = NULL;
-    return fmi3OK;
-}
-
-/* The rest is not what a network is, and modelDescription.xml does not promise it. */
-#define ABSENT(name, arguments) \
+/* What there is nothing to do for, and what modelDescription.xml does not promise. */
+#define RETURNS(status, name, arguments) \
     fmi3Status name arguments \
     { \
-        return fmi3Error; \
+        return status; \
     }
-#define MANY fmi3Instance instance, const fmi3ValueReference references[], size_t num
+#define ABSENT(name, arguments) RETURNS(fmi3Error, name, arguments)
+#define IT fmi3Instance it
+#define MANY IT, const fmi3ValueReference references[], size_t num
+RETURNS(fmi3OK, fmi3Terminate, (IT))
+RETURNS(fmi3OK, fmi3EnterStepMode, (IT))
+RETURNS(fmi3OK, fmi3SetDebugLogging, (IT, fmi3Boolean on, size_t n, const fmi3String categories[]))
 #define NO_VALUES(Type) \
     ABSENT(fmi3Get##Type, (MANY, fmi3##Type values[], size_t num_values)) \
     ABSENT(fmi3Set##Type, (MANY, const fmi3##Type values[], size_t num_values))
@@ -248,67 +211,56 @@ ABSENT(fmi3GetBinary, (MANY, size_t sizes[], fmi3Binary values[], size_t num_val
 ABSENT(fmi3SetBinary, (MANY, const size_t sizes[], const fmi3Binary values[], size_t num_values))
 ABSENT(fmi3GetClock, (MANY, fmi3Clock values[]))
 ABSENT(fmi3SetClock, (MANY, const fmi3Clock values[]))
-ABSENT(fmi3GetIntervalDecimal, (MANY, fmi3Float64 at[], fmi3IntervalQualifier qualifiers[]))
-ABSENT(fmi3GetIntervalFraction, (MANY, fmi3UInt64 counters[], fmi3UInt64 resolutions[],
-                                 fmi3IntervalQualifier qualifiers[]))
-ABSENT(fmi3GetShiftDecimal, (MANY, fmi3Float64 shifts[]))
-ABSENT(fmi3GetShiftFraction, (MANY, fmi3UInt64 counters[], fmi3UInt64 resolutions[]))
-ABSENT(fmi3SetIntervalDecimal, (MANY, const fmi3Float64 intervals[]))
-ABSENT(fmi3SetIntervalFraction, (MANY, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[]))
-ABSENT(fmi3SetShiftDecimal, (MANY, const fmi3Float64 shifts[]))
-ABSENT(fmi3SetShiftFraction, (MANY, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[]))
-ABSENT(fmi3GetOutputDerivatives, (MANY, const fmi3Int32 orders[], fmi3Float64 values[],
-                                  size_t num_values))
+ABSENT(fmi3GetIntervalDecimal, (MANY, fmi3Float64 at[], fmi3IntervalQualifier how[]))
+ABSENT(fmi3SetIntervalDecimal, (MANY, const fmi3Float64 at[]))
+ABSENT(fmi3GetIntervalFraction, (MANY, fmi3UInt64 a[], fmi3UInt64 b[], fmi3IntervalQualifier how[]))
+ABSENT(fmi3SetIntervalFraction, (MANY, const fmi3UInt64 a[], const fmi3UInt64 b[]))
+ABSENT(fmi3GetShiftDecimal, (MANY, fmi3Float64 at[]))
+ABSENT(fmi3SetShiftDecimal, (MANY, const fmi3Float64 at[]))
+ABSENT(fmi3GetShiftFraction, (MANY, fmi3UInt64 a[], fmi3UInt64 b[]))
+ABSENT(fmi3SetShiftFraction, (MANY, const fmi3UInt64 a[], const fmi3UInt64 b[]))
+ABSENT(fmi3GetOutputDerivatives, (MANY, const fmi3Int32 orders[], fmi3Float64 values[], size_t n))
 #define DERIVATIVE(name) \
     ABSENT(name, (MANY, const fmi3ValueReference knowns[], size_t num_knowns, \
-                  const fmi3Float64 seed[], size_t num_seed, fmi3Float64 values[], \
-                  size_t num_values))
+                  const fmi3Float64 seed[], size_t num_seed, fmi3Float64 values[], size_t n))
 DERIVATIVE(fmi3GetDirectionalDerivative)
 DERIVATIVE(fmi3GetAdjointDerivative)
-ABSENT(fmi3GetNumberOfVariableDependencies, (fmi3Instance instance, fmi3ValueReference reference,
-                                             size_t *num))
-ABSENT(fmi3GetVariableDependencies, (fmi3Instance instance, fmi3ValueReference reference,
-                                     size_t elements[], fmi3ValueReference independents[],
-                                     size_t of_independents[], fmi3DependencyKind kinds[],
-                                     size_t num))
-ABSENT(fmi3SerializedFMUStateSize, (fmi3Instance instance, fmi3FMUState FMUState, size_t *size))
-ABSENT(fmi3SerializeFMUState, (fmi3Instance instance, fmi3FMUState FMUState, fmi3Byte bytes[],
-                               size_t size))
-ABSENT(fmi3DeserializeFMUState, (fmi3Instance instance, const fmi3Byte bytes[], size_t size,
-                                 fmi3FMUState *FMUState))
-ABSENT(fmi3EnterEventMode, (fmi3Instance instance))
-ABSENT(fmi3EnterConfigurationMode, (fmi3Instance instance))
-ABSENT(fmi3ExitConfigurationMode, (fmi3Instance instance))
-ABSENT(fmi3EvaluateDiscreteStates, (fmi3Instance instance))
-ABSENT(fmi3UpdateDiscreteStates, (fmi3Instance instance, fmi3Boolean *update,
-                                  fmi3Boolean *terminate, fmi3Boolean *nominals,
-                                  fmi3Boolean *values, fmi3Boolean *defined, fmi3Float64 *time))
-ABSENT(fmi3EnterContinuousTimeMode, (fmi3Instance instance))
-ABSENT(fmi3CompletedIntegratorStep, (fmi3Instance instance, fmi3Boolean no_set,
-                                     fmi3Boolean *event, fmi3Boolean *terminate))
-ABSENT(fmi3SetTime, (fmi3Instance instance, fmi3Float64 time))
-ABSENT(fmi3SetContinuousStates, (fmi3Instance instance, const fmi3Float64 states[], size_t num))
-#define STATES(name) ABSENT(name, (fmi3Instance instance, fmi3Float64 values[], size_t num))
-STATES(fmi3GetContinuousStateDerivatives)
-STATES(fmi3GetEventIndicators)
-STATES(fmi3GetContinuousStates)
-STATES(fmi3GetNominalsOfContinuousStates)
-ABSENT(fmi3GetNumberOfEventIndicators, (fmi3Instance instance, size_t *num))
-ABSENT(fmi3GetNumberOfContinuousStates, (fmi3Instance instance, size_t *num))
-ABSENT(fmi3ActivateModelPartition, (fmi3Instance instance, fmi3ValueReference reference,
-                                    fmi3Float64 time))
-
-fmi3Instance fmi3InstantiateModelExchange(
-    fmi3String name, fmi3String token, fmi3String path, fmi3Boolean visible, fmi3Boolean logging,
-    fmi3InstanceEnvironment environment, fmi3LogMessageCallback log)
-{
-    return NULL;
-}
-
-fmi3Instance fmi3InstantiateScheduledExecution(
-    fmi3String name, fmi3String token, fmi3String path, fmi3Boolean visible, fmi3Boolean logging,
-    fmi3InstanceEnvironment environment, fmi3LogMessageCallback log, fmi3ClockUpdateCallback clock,
-    fmi3LockPreemptionCallback lock, fmi3UnlockPreemptionCallback unlock)
-{
-    return NULL;
-}
+ABSENT(fmi3GetNumberOfVariableDependencies, (IT, fmi3ValueReference reference, size_t *num))
+ABSENT(fmi3GetVariableDependencies,
+       (IT, fmi3ValueReference reference, size_t elements[], fmi3ValueReference independents[],
+        size_t of_independents[], fmi3DependencyKind kinds[], size_t num))
+ABSENT(fmi3GetFMUState, (IT, fmi3FMUState *state))
+ABSENT(fmi3SetFMUState, (IT, fmi3FMUState state))
+ABSENT(fmi3FreeFMUState, (IT, fmi3FMUState *state))
+ABSENT(fmi3SerializedFMUStateSize, (IT, fmi3FMUState state, size_t *size))
+ABSENT(fmi3SerializeFMUState, (IT, fmi3FMUState state, fmi3Byte bytes[], size_t size))
+ABSENT(fmi3DeserializeFMUState, (IT, const fmi3Byte bytes[], size_t size, fmi3FMUState *state))
+ABSENT(fmi3EnterEventMode, (IT))
+ABSENT(fmi3EnterConfigurationMode, (IT))
+ABSENT(fmi3ExitConfigurationMode, (IT))
+ABSENT(fmi3EvaluateDiscreteStates, (IT))
+ABSENT(fmi3UpdateDiscreteStates, (IT, fmi3Boolean *a, fmi3Boolean *b, fmi3Boolean *c,
+                                  fmi3Boolean *d, fmi3Boolean *e, fmi3Float64 *time))
+ABSENT(fmi3EnterContinuousTimeMode, (IT))
+ABSENT(fmi3CompletedIntegratorStep, (IT, fmi3Boolean a, fmi3Boolean *b, fmi3Boolean *c))
+ABSENT(fmi3SetTime, (IT, fmi3Float64 time))
+ABSENT(fmi3SetContinuousStates, (IT, const fmi3Float64 states[], size_t num))
+ABSENT(fmi3GetContinuousStates, (IT, fmi3Float64 values[], size_t num))
+ABSENT(fmi3GetContinuousStateDerivatives, (IT, fmi3Float64 values[], size_t num))
+ABSENT(fmi3GetNominalsOfContinuousStates, (IT, fmi3Float64 values[], size_t num))
+ABSENT(fmi3GetEventIndicators, (IT, fmi3Float64 values[], size_t num))
+ABSENT(fmi3GetNumberOfEventIndicators, (IT, size_t *num))
+ABSENT(fmi3GetNumberOfContinuousStates, (IT, size_t *num))
+ABSENT(fmi3ActivateModelPartition, (IT, fmi3ValueReference reference, fmi3Float64 time))
+#define NO_INSTANCE(name, arguments) \
+    fmi3Instance name arguments \
+    { \
+        return NULL; \
+    }
+#define WORDS \
+    fmi3String name, fmi3String token, fmi3String path, fmi3Boolean visible, fmi3Boolean logging, \
+        fmi3InstanceEnvironment environment, fmi3LogMessageCallback log
+NO_INSTANCE(fmi3InstantiateModelExchange, (WORDS))
+NO_INSTANCE(fmi3InstantiateScheduledExecution,
+            (WORDS, fmi3ClockUpdateCallback clock, fmi3LockPreemptionCallback lock,
+             fmi3UnlockPreemptionCallback unlock))

@@ -315,7 +315,7 @@ heatrun_estimate heatrun_observer_step(heatrun_observer *observer, const heatrun
         widen(observer, BLIND_K);
     }
     observer->fresh_K = ANSWER_DECAY*observer->fresh_K + shown(observer) - shown_degC;
-    if (judge(observer, reading_degC, shown(observer) - shown_degC)) {
+    if (judge(observer, reading_degC, shown(observer) - shown_degC) != 0) {
         correct(observer, reading_degC - shown(observer) - observer->slow_K);
     }
     for (i = 0; i < NUM_NODES; ++i) {
