@@ -36,6 +36,8 @@ WORTH_DROPPING_BYTES = 600_000_000
 PROGRAMS = {
     "chromium": ("chromium", "chromium-browser", "google-chrome"),
     "octave": ("octave-cli",),
+    "clang": ("clang",),
+    "cppcheck": ("cppcheck",),
 }
 """Packages of Debian that some tests need, with the programs of which one will do."""
 

@@ -11,12 +11,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from simulators import fmu_error, has_modelica, modelica_error, vectors_text
 
 from heatrun import cli
 from heatrun.errors import InputError
-from heatrun.export import mat_bytes, network_variables
-from heatrun.export.c_file import CSource, Missed, export_c, in_comment
+from heatrun.export import export_source, mat_bytes, network_variables
+from heatrun.export.c_file import CSource, Missed, in_comment, links_of
 from heatrun.export.network_course import read_network
+from heatrun.export.parameters import entries
 from heatrun.export.rerun import of_no_test, read_run_test
 from heatrun.model.catalogue import effects_named
 from heatrun.model.model import Model
@@ -65,10 +67,23 @@ def half_hour(machine):
     return Record(record.name, {**record.channels, **further})
 
 
+@pytest.fixture(scope="module")
+def two_hours(half_hour):
+    """The same, four times on end."""
+    time = half_hour.time_s
+    channels = {name: np.tile(values[:-1], 4) for name, values in half_hour.channels.items()}
+    channels["time_s"] = np.concatenate([time[:-1] + k * (time[-1] - time[0]) for k in range(4)])
+    return Record(half_hour.name, channels)
+
+
 def source(half_hour, machine, network="second", effects=(), said=SAID, step=1.0, **values):
     model = Model.of(network, machine, effects_named(effects, "test"))
     centres = {each.name: each.centre for each in model.form.parameters}
     centres |= {name: 40.0 for _, name in model.form.starts}
+    centres |= {
+        f"{kind.card.id}.{name}": quantity.typical
+        for kind in model.effects for name, quantity in kind.card.parameters.items()
+    }  # fmt: skip
     variables, _ = network_variables(
         half_hour, {**centres, **VALUES, **values}, machine, model,
         rated_speed=300.0, rated_current=100.0,
@@ -89,7 +104,7 @@ def build(folder, made, *words, harness="main.c"):
 def replay(folder, made, *words):
     """Return the largest difference to lptn that the harness prints [K]."""
     program = build(folder, made, *words)
-    (folder / "vectors.csv").write_bytes(made.vectors("duty"))
+    (folder / "vectors.csv").write_bytes(vectors_text(made))
     done = subprocess.run([program, "vectors.csv"], cwd=folder, capture_output=True, text=True,
                           check=False)  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
@@ -113,24 +128,78 @@ def replay(folder, made, *words):
         ("second", ("ac_copper_loss", "iron_loss_in_winding"),
          {"ac_copper_loss.k": 0.3, "iron_loss_in_winding.k": 25.0}),
         ("second", ("stray_load_loss",), {"stray_load_loss.k": 60.0}),
+        ("second", ("rotor_node", "speed_cooling"),
+         {"rotor_node.P": 60.0, "rotor_node.rise": 12.0, "rotor_node.m": 0.9}),
+        ("second", ("neighbour_body", "housing_node"),
+         {"neighbour_body.C": 4000.0, "housing_node.x": 0.3}),
         (network_of_text(TWO_SINKS, "sinks.toml"), (),
          {"P_mechanical_n": 30.0, "P_mechanical_n2": 5.0}),
     ],
     ids=["first", "second", "four", "speed_cooling", "fan_cooling", "iron_loss", "sensor_lag",
-         "ac_copper", "stray", "two_sinks"],
+         "ac_copper", "stray", "rotor", "bodies", "two_sinks"],
 )  # fmt: skip
-def test_it_is_as_lptn(tmp_path, half_hour, machine, network, effects, values):
-    made = source(half_hour, machine, network, effects, **values)
-    assert replay(tmp_path, made) < 1e-6
-    assert replay(tmp_path, made, "-DHEATRUN_REAL=float") < 0.05
+def test_it_is_as_lptn(tmp_path, two_hours, machine, network, effects, values):
+    is_as_lptn(tmp_path, two_hours, machine, network, effects, values)
 
 
 @needs_compiler
-def test_losses_of_a_map_come_on_top(tmp_path, half_hour, machine):
+def test_losses_of_a_map_come_on_top(tmp_path, two_hours, machine):
     values = {"ac_copper_loss.k": 0.3, "stray_load_loss.k": 60.0, "iron_loss_in_winding.k": 25.0}
     laws = ("ac_copper_loss", "stray_load_loss", "iron_loss_in_winding")
-    made = source(half_hour, replace(machine, losses="map"), "second", laws, **values)
-    assert replay(tmp_path, made) < 1e-6
+    is_as_lptn(tmp_path, two_hours, replace(machine, losses="map"), "second", laws, values)
+
+
+def is_as_lptn(folder, record, machine, network, effects, values):
+    """C, FMU and Modelica have the temperatures of lptn."""
+    made = source(record, machine, network, effects, **values)
+    assert replay(folder, made) < 1e-6
+    assert replay(folder, made, "-DHEATRUN_REAL=float") < 0.05
+    parameters = entries(made, Model.of(network, machine, effects_named(effects, "test")))
+    assert fmu_error(folder, made, parameters) < 1e-6
+    if has_modelica:
+        assert modelica_error(made, parameters) < 1e-6
+
+
+@pytest.fixture(scope="module")
+def every_law(half_hour, machine, tmp_path_factory):
+    """A folder with the source that holds all laws, and two sinks."""
+    laws = ("speed_cooling", "fan_cooling", "ac_copper_loss", "stray_load_loss",
+            "iron_loss_in_winding", "rotor_node", "sensor_lag")  # fmt: skip
+    values = {"fan_cooling.g": 0.8, "ac_copper_loss.k": 0.3, "stray_load_loss.k": 60.0,
+              "iron_loss_in_winding.k": 25.0, "sensor_lag.tau": 20.0,
+              "P_mechanical_n": 30.0, "P_mechanical_n2": 5.0}  # fmt: skip
+    network = network_of_text(TWO_SINKS, "sinks.toml")
+    folder = tmp_path_factory.mktemp("every_law")
+    for name, text in source(half_hour, machine, network, laws, **values).texts().items():
+        (folder / name).write_bytes(text)
+    return folder
+
+
+def checked(folder, *command):
+    """Return what a checker says of a folder."""
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    return done.returncode, done.stdout + done.stderr
+
+
+@pytest.mark.skipif(shutil.which("clang") is None, reason="no clang")
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_clang_warns_of_nothing(every_law, real):
+    command = ["clang", *STRICT, f"-DHEATRUN_REAL={real}", "-fsyntax-only", "main.c",
+               "thermal_network.c"]  # fmt: skip
+    assert checked(every_law, *command) == (0, "")
+
+
+@pytest.mark.skipif(shutil.which("cppcheck") is None, reason="no cppcheck")
+def test_cppcheck_finds_what_is_justified_alone(every_law):
+    command = ["cppcheck", "--quiet", "--std=c99"]
+    every = ["--enable=warning,style,performance,portability", "main.c", "thermal_network.c"]
+    assert checked(every_law, *command, *every) == (0, "")
+    status, said = checked(every_law, *command, "--addon=misra", "thermal_network.c")
+    found = set(re.findall(r"misra-c2012-(\d+\.\d+)", said))
+    page = (Path(__file__).parents[2] / "docs" / "drive.md").read_text()
+    rows = re.findall(r"^\| ((?:\d+\.\d+(?:, )?)+) \|", page, flags=re.MULTILINE)
+    assert status == 0
+    assert found == {rule for row in rows for rule in row.split(", ")}
 
 
 @needs_compiler
@@ -399,10 +468,10 @@ HOSTILE = '*/ int main(void){} /* \\\n#error ??/ "%s$step" é\x00'
 @needs_compiler
 def test_hostile_names_stay_inside_their_comment(tmp_path, half_hour, machine):
     made = source(half_hour, machine, said=dict.fromkeys(SAID, HOSTILE))
-    found = {**made.found, "nodes": ["wick*/lung", "wick /lung"],
+    found = {**made.of_run, "nodes": ["wick*/lung", "wick /lung"],
              "links": [["wick /lung", "$x"], ["wick*/lung", "wick /lung"]], "sink": "$x",
              "copper_node": "wick*/lung", "sensor": {"node": "wick*/lung"}}  # fmt: skip
-    hostile = replace(made, found=found)
+    hostile = replace(made, of_run=found)
     text = hostile.texts()["thermal_network.h"].decode()
     assert "#error ??" not in text
     assert "HEATRUN_NODE_WICK__LUNG_1 = 1" in text
@@ -426,7 +495,18 @@ def test_a_step_that_no_drive_can_afford_is_refused(half_hour, machine):
 
 def test_an_observer_that_is_too_large_is_left_out(half_hour, machine):
     made = source(half_hour, machine)
-    large = replace(made, found={**made.found, "nodes": ["winding", "stator", *"abcdefgh"]})
+    of_run = made.of_run | {
+        name: np.append(made.of_run[name], np.full(8, value))
+        for name, value in (
+            ("capacitance", 1e3),
+            ("resistance", 1.0),
+            ("share", 0.0),
+            ("start", 20.0),
+        )
+    }
+    of_run["nodes"] = [*made.nodes, *"abcdefgh"]
+    of_run["links"] = [*links_of(made.found), *(("winding", node) for node in "abcdefgh")]
+    large = replace(made, of_run=of_run)
     assert not large.has_observer
 
 
@@ -440,19 +520,19 @@ def test_the_command_writes_what_compiles_and_replays(day, capsys):
     subprocess.run(["drive/replay", "drive/vectors.csv"], check=True)
     header = Path("drive/thermal_network.h").read_text()
     assert f"SHA-256:  {hashlib.sha256(Path('run/fit.json').read_bytes()).hexdigest()}" in header
-    again = export_c(Path("run"), folder=Path("drive"), step=0.5)
+    again = export_source(Path("run"), folder=Path("drive"), step=0.5)
     assert Path(again["files"][0]).read_text() == header
     with pytest.raises(InputError, match="holds another export"):
-        export_c(Path("run"), folder=Path("drive"))
+        export_source(Path("run"), folder=Path("drive"))
     Path("drive/main.c").write_text("int main(void) { return 0; }")
     with pytest.raises(InputError, match="not as heatrun writes it"):
-        export_c(Path("run"), folder=Path("drive"), step=0.5, is_replacing=True)
+        export_source(Path("run"), folder=Path("drive"), step=0.5, is_replacing=True)
 
 
 @needs_compiler
 def test_the_band_of_a_run_holds_on_other_loads(day, generator):
     """The simulated bench is code of its own; the sensor is pulled for ten minutes, twice."""
-    export_c(Path("run"), folder=Path("drive"))
+    export_source(Path("run"), folder=Path("drive"))
     shutil.copy(Path(__file__).with_name("observe.c"), "drive")
     command = [str(COMPILER), *STRICT, "observe.c", "thermal_network.c", "-o", "observe"]
     subprocess.run(command, cwd="drive", check=True)
@@ -491,7 +571,7 @@ def test_what_changed_in_one_test_is_not_the_drives(day):
         (["run", "duty.csv", "--to", "c"], "--to c exports a run"),
         ([__file__, "--to", "c"], "--to c takes a run folder"),
         (["run", "--to", "c", "--corrected"], "a drive has its own instruments"),
-        (["run", "--to", "mat", "--step", "1"], "--step is for --to c"),
+        (["run", "--to", "mat", "--step", "1"], "--step is for --to c, fmu and modelica"),
     ],
 )
 def test_words_of_the_other_kind_are_refused(words, said, capsys):

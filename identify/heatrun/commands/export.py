@@ -13,16 +13,21 @@ from .console import DONE, printable, say
 
 OF_RUN = {
     "c": "its noise goes into the observer",
+    "fmu": "its intervals go with it",
+    "modelica": "its intervals go with it",
     "drive": "simpler bodies follow its tests",
     "mujoco": "simpler bodies follow its tests",
 }
 """What takes a run folder alone, and why."""
 
+OF_TEST = ("c", "fmu", "modelica")
+"""Those that follow the laws, with vectors of a test."""
+
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
     """Add the command's words to the subparsers `commands`."""
     parser = commands.add_parser(
-        "export", help="a run for MATLAB, Simulink, Octave, MuJoCo, or for a drive"
+        "export", help="a run for MATLAB, Simulink, Octave, FMI, Modelica, MuJoCo, or for a drive"
     )
     parser.add_argument(
         "source",
@@ -44,12 +49,17 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         help="mat: prova.mat for the built-in networks, with run_prova.m and with build_models.m, "
         "which builds the Simulink models (never run in MATLAB); network.mat with run_network.m "
         "for any other and for models with effects. c: C99 of the network of a run with an "
-        "observer, and vectors to verify it. drive: time constants, resistances and I2t for the "
+        "observer, and vectors to verify it. fmu: the same C as an FMU (FMI 3.0, co-simulation), "
+        "with parameter sets at the ends of the intervals. modelica: parts of the standard library "
+        "and equations. drive: time constants, resistances and I2t for the "
         "motor protection of a drive, as a sheet and TOML. mujoco: a <dcmotor> with its thermal "
         "model",
     )
     parser.add_argument(
-        "--step", type=float, metavar="SECONDS", help="step of the C source (default: 1 s)"
+        "--step",
+        type=float,
+        metavar="SECONDS",
+        help="step of the C and of the vectors, longest of the FMU (default: 1 s)",
     )
     parser.add_argument(
         "--motor-constant",
@@ -73,7 +83,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "--replica",
         action="store_true",
         help="the plain network nearest to a model with effects, for tools that take four numbers; "
-        "--to c keeps the effects whose laws it holds",
+        "--to c, fmu and modelica keep the effects whose laws they hold",
     )
     parser.add_argument(
         "--corrected",
@@ -82,8 +92,8 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     )
     words.add_out(
         parser,
-        "folder for the files (default: the run itself; c, drive or mujoco in it for these; for "
-        "bench files NAME_mat here)",
+        "folder for the files (default: the run itself; of the kind's name in it for all but mat; "
+        "for bench files NAME_mat here)",
     )
     words.add_force(parser)
     words.add_json(parser)
@@ -112,24 +122,26 @@ def run(options: argparse.Namespace) -> int:
 def _refuse_mixed(options: argparse.Namespace) -> None:
     """Refuse words of one kind of file where the other is wanted."""
     to = f"--to {options.to}"
-    if options.to != "c" and options.step is not None:
-        raise UsageError("--step is for --to c; a MAT file holds the samples of the test")
+    if options.to not in OF_TEST and options.step is not None:
+        raise UsageError(
+            "--step is for --to c, fmu and modelica; a MAT file holds the samples of the test"
+        )
     if options.to != "mujoco" and options.motor_constant is not None:
         raise UsageError("--motor-constant is for --to mujoco; nothing else simulates a torque")
     if options.to not in OF_RUN:
         return
     if options.tests:
-        raise UsageError(f"{to} exports a run; --test NAME chooses the test of the vectors of C")
+        raise UsageError(f"{to} exports a run; --test NAME chooses that of the vectors")
     if options.source.exists() and not options.source.is_dir():
         raise UsageError(f"{to} takes a run folder: {OF_RUN[options.to]}")
     if options.corrected:
         raise UsageError("--corrected is for --to mat: a drive has its own instruments")
-    if options.to != "c" and (options.replica or options.test is not None):
+    if options.to not in OF_TEST and (options.replica or options.test is not None):
         raise UsageError(f"{to} follows all tests of the run: leave --replica and --test out")
 
 
 def _of_run(options: argparse.Namespace) -> dict[str, Any]:
-    from ..export import export_c, export_drive, export_mat, export_mujoco
+    from ..export import export_drive, export_mat, export_mujoco, export_source
 
     if not options.source.is_dir() and options.source.exists():
         raise UsageError("a file of parameters holds no test: name a bench file after it")
@@ -140,9 +152,10 @@ def _of_run(options: argparse.Namespace) -> dict[str, Any]:
         return export_drive(options.source, **where)
     if options.to == "mujoco":
         return export_mujoco(options.source, motor_constant=options.motor_constant, **where)
-    if options.to == "c":
-        return export_c(
+    if options.to in OF_TEST:
+        return export_source(
             options.source,
+            to=options.to,
             test=options.test,
             is_replica=options.replica,
             **where,
@@ -188,7 +201,7 @@ def _of_tests(options: argparse.Namespace) -> list[dict[str, Any]]:
 
 def _text(written: dict[str, Any]) -> str:
     if "step_s" in written:
-        return _text_of_c(written)
+        return _text_of_network(written)
     if "variables" not in written:
         return _text_of_bodies(written)
     samples = written["variables"]["t"]["shape"][0]
@@ -212,14 +225,25 @@ def _text(written: dict[str, Any]) -> str:
     return "\n".join([*lines, *(printable(path) for path in written["files"])])
 
 
-def _text_of_c(written: dict[str, Any]) -> str:
+def _text_of_network(written: dict[str, Any]) -> str:
     effects = f" with {', '.join(written['effects'])}" if written["effects"] else ""
-    observer = "with an observer" if written["has_observer"] else "without an observer"
+    network = f"{printable(written['title'])}{effects}"
+    verify = f"{written['vector_steps']} steps of {printable(written['test'])} to verify it"
+    if "has_observer" in written:
+        how = "with an observer" if written["has_observer"] else "without an observer"
+        first = f"C99 of {network}, {how}"
+        verify += ": compile main.c with thermal_network.c and run it on vectors.csv"
+    elif "is_compiled" not in written:
+        first = f"Modelica of {network}"
+        verify += ": vectors.csv holds inputs and temperatures"
+    else:
+        how = "compiled for this platform" if written["is_compiled"] else "sources only"
+        first = f"FMU (FMI 3.0, co-simulation, {how}) of {network}"
+        verify += ": vectors.csv holds inputs and temperatures"
+    nodes = printable(", ".join(written["nodes"]))
     return "\n".join([
-        f"C99 of {printable(written['title'])}{effects}, {observer}: nodes "
-        f"{printable(', '.join(written['nodes']))}; steps of {written['step_s']:g} s",
-        f"{written['vector_steps']} steps of {printable(written['test'])} to verify it: compile "
-        "main.c with thermal_network.c and run it on vectors.csv",
+        f"{first}: nodes {nodes}; steps of {written['step_s']:g} s",
+        verify,
         *(printable(path) for path in written["files"]),
     ])  # fmt: skip
 

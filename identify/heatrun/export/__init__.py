@@ -1,8 +1,7 @@
-"""A run's model for other programs: Simulink, MATLAB, Octave; C; drives; MuJoCo."""
+"""A run's model for other programs: Simulink, MATLAB, Octave; C; FMI; Modelica; drives; MuJoCo."""
 
 from __future__ import annotations
 
-from .c_file import export_c
 from .contents import mat_bytes
 from .course import Course, simulate_variables
 from .drive import export_drive
@@ -11,6 +10,7 @@ from .mujoco import export_mujoco
 from .network_course import NetworkCourse, simulate_network
 from .network_file import network_variables
 from .rerun import RunAndTest, read_new_test, read_run_test
+from .sources import export_source
 from .variables import Corrections, thesis_variables
 
 __all__ = [
@@ -18,10 +18,10 @@ __all__ = [
     "Course",
     "NetworkCourse",
     "RunAndTest",
-    "export_c",
     "export_drive",
     "export_mat",
     "export_mujoco",
+    "export_source",
     "export_test",
     "mat_bytes",
     "network_variables",

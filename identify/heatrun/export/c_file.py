@@ -7,9 +7,8 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from importlib.resources import files
-from pathlib import Path
 from string import Template
 from typing import Any
 
@@ -17,32 +16,29 @@ import numpy as np
 from scipy.optimize import nnls
 
 from ..errors import InputError
-from ..io.whole_files import numbered
 from ..model.model import Model
 from ..record.samples import BLOCK_S
 from ..results.model import FittedModel
 from ..results.values import known
-from ..runs.run import Run, open_run
+from ..runs.run import Run
 from ..version import __version__
-from .contents import NETWORK, mat_bytes, write_export
-from .network_course import read_network, simulate_held
+from .network_course import simulate_held, with_bodies
 from .network_file import SIGNALS
 from .rerun import (
     Predicted,
     RunAndTest,
-    as_replica,
-    effects_of,
-    of_no_test,
-    read_run_test,
 )
 
 HEADER, SOURCE, HARNESS, VECTORS = "thermal_network.h", "thermal_network.c", "main.c", "vectors.csv"
 
-LAWS = ("speed_cooling", "fan_cooling", "ac_copper_loss", "iron_loss_in_winding",
+MOVED = {"iron_loss_in_winding": "k", "rotor_node": "P"}
+"""Effects that move heat out of the other losses, and the parameter that says how much [W]."""
+
+LAWS = ("speed_cooling", "fan_cooling", "ac_copper_loss", *MOVED, "neighbour_body", "housing_node",
         "stray_load_loss", "speed_loss", "sensor_lag")  # fmt: skip
 """Effects whose laws the source holds; that of the sensor is in the observer."""
 
-BY_SPEED = {"speed_cooling", "ac_copper_loss", "stray_load_loss", "speed_loss"}
+BY_SPEED = {"speed_cooling", "ac_copper_loss", *MOVED, "stray_load_loss", "speed_loss"}
 """Those that take the speed."""
 
 STEP_S = 1.0
@@ -144,78 +140,6 @@ class Missed:
         return math.sqrt(max(white, self.resolution_K**2 / 12.0) + 1e-6)
 
 
-def export_c(
-    run: Path,
-    *,
-    folder: Path | None = None,
-    test: str | None = None,
-    network: str | None = None,
-    is_replica: bool = False,
-    is_replacing: bool = False,
-    step: float = STEP_S,
-) -> dict[str, Any]:
-    """Write the network of a run as C99, with vectors of a test and a harness beside it.
-
-    Args:
-        run: The run folder.
-        folder: Where the files go; None for a folder `c` in the run, numbered where that holds
-            another export.
-        test: As `read_run_test`.
-        network: As `read_run_test`.
-        is_replica: Whether the nearest network with `LAWS` alone goes in its place.
-        is_replacing: Whether another export in `folder` is replaced.
-        step: Length of a step [s].
-
-    Returns:
-        As plain data: the files, test, network (`order`, `title`) and effects, nodes, step [s],
-        its parts, steps of the vectors, whether there is an observer, notes and findings.
-
-    Raises:
-        InputError: As `read_run_test` and `network_variables`; if the source lacks the law of an
-            effect, or the step is not one for this network; as `write_export`.
-    """
-    if not is_replica:
-        refuse_lawless(effects_of(run, network), str(run))
-    is_replica = bool(lacking_laws(effects_of(run, network)))
-    opened = open_run(run)
-    whole = of_no_test(read_run_test(run, test=test, network=network), network)
-    found, bias = as_replica(whole, network, LAWS) if is_replica else (whole, 0.0)
-    variables, notes = NETWORK.variables(found)
-    title = found.model.title
-    source = CSource.of(
-        read_network(mat_bytes(variables)),
-        Missed.of(opened, network, found, whole.predicted, bias),
-        {
-            "run": run.resolve().name,
-            "sha256": opened.manifest["files"]["fit.json"],
-            "machine": found.motor.name,
-            "network": f"{title} (replica)" if is_replica else title,
-        },
-        step,
-    )
-    content = {**source.texts(), VECTORS: source.vectors(found.record.name)}
-    places: Iterable[Path] = [folder] if folder else numbered(run / "c")
-    written = write_export(places, content, found.inputs, is_replacing=is_replacing)
-    if not source.has_observer:
-        notes = (*notes, f"There is no observer: its state would not fit into 1 kB with "
-                 f"{source.num_states} states (at most {MOST_STATES}).")  # fmt: skip
-    return {
-        "files": [str(path) for path in written],
-        "run": str(run),
-        "test": found.record.name,
-        "order": found.model.name,
-        "title": found.model.title,
-        "effects": [kind.card.id for kind in found.model.effects],
-        "nodes": source.nodes,
-        "step_s": step,
-        "parts": source.parts,
-        "vector_steps": source.num_vectors,
-        "has_observer": source.has_observer,
-        "notes": [*found.notes, *notes],
-        "findings": [],
-    }
-
-
 def lacking_laws(ids: Iterable[str]) -> list[str]:
     """Return the effects whose laws the source does not hold."""
     return sorted({name for name in ids if name not in LAWS})
@@ -241,14 +165,14 @@ class CSource:
     """A network as C.
 
     Attributes:
-        found: The variables of `network.mat`, as `read_network` gives them.
+        of_run: The variables of `network.mat`, as `read_network` gives them.
         missed: What the observer knows of noise and missed heat.
         said: Names in the comment: run, sha256, machine, network.
         step: Length of a step [s].
         parts: Number of parts of a step.
     """
 
-    found: Mapping[str, Any]
+    of_run: Mapping[str, Any]
     missed: Missed
     said: Mapping[str, str]
     step: float
@@ -256,21 +180,22 @@ class CSource:
 
     @classmethod
     def of(
-        cls, found: Mapping[str, Any], missed: Missed, said: Mapping[str, str], step: float = STEP_S
-    ) -> CSource:
+        cls, of_run: Mapping[str, Any], missed: Missed, said: Mapping[str, str],
+        step: float = STEP_S,
+    ) -> CSource:  # fmt: skip
         """Return the source of a network.
 
         Raises:
             InputError: If it lacks the law of an effect, or the step is not one for this network.
         """
-        refuse_lawless((each["id"] for each in np.atleast_1d(found["effects"])), said["run"])
+        refuse_lawless((each["id"] for each in np.atleast_1d(of_run["effects"])), said["run"])
         if not 0.0 < step < math.inf:
             raise InputError(
                 f"expected a step above 0 s, got {step:g} s.",
                 where="--step",
                 remedy="Pass the time between two calls of the drive [s].",
             )
-        parts = max(1, math.ceil(step * _fastest(found) / SHARE_OF_FASTEST))
+        parts = parts_of(step, with_bodies(of_run))
         if parts > MOST_PARTS:
             longest = step * MOST_PARTS / parts
             raise InputError(
@@ -279,7 +204,12 @@ class CSource:
                 where=said["run"],
                 remedy=f"Pass --step {longest:.1g} or less.",
             )
-        return cls(found, missed, said, step, parts)
+        return cls(of_run, missed, said, step, parts)
+
+    @cached_property
+    def found(self) -> Mapping[str, Any]:
+        """The variables with the bodies that effects add among the nodes."""
+        return with_bodies(self.of_run)
 
     @property
     def nodes(self) -> list[str]:
@@ -324,6 +254,23 @@ class CSource:
         time = self.found["t"]
         return int(min(time[-1] - time[0], VECTOR_S) / self.step + 1e-9)
 
+    @property
+    def losses_words(self) -> str:
+        """What the losses are that drive this network."""
+        is_balance = self.found["losses"] == "balance"
+        return "all losses, copper included" if is_balance else "losses other than copper"
+
+    def largest(self) -> dict[str, str]:
+        """Return the limits of current, losses and speed as the header has them [A, W, rpm]."""
+        found = self.found
+        speed = found["speed_rpm"] if "speed_rpm" in self.inputs else 0.0
+        losses = found["Pd" if found["losses"] == "balance" else "Pol"]
+        return {
+            "max_current": _limit(10.0, found["Is"], found["rated_current_A"]),
+            "max_losses": _limit(10.0, losses, 1.0),
+            "max_speed": _limit(2.0, speed, found["rated_speed_rpm"]),
+        }
+
     def texts(self) -> dict[str, bytes]:
         """Return header, source and harness by file name."""
         filled = {**self._header(), **self._tables(), **self._observer()}
@@ -362,7 +309,7 @@ class CSource:
         driving = [name for name in SIGNALS if name in self.found and name not in ("t", "Tw_m")]
         held = {name: np.interp(middle, time, self.found[name]) for name in driving}
         held["Is"] = np.sqrt(np.interp(middle, time, self.found["Is"] ** 2))
-        course = simulate_held(self.found, held, self.step)
+        course = simulate_held(self.of_run, held, self.step)
         columns = [self.step * np.arange(num + 1)]
         columns += [np.concatenate([[0.0], held[name]]) for name in self.inputs]
         columns += [course[node] for node in self.nodes]
@@ -376,41 +323,33 @@ class CSource:
 
     def _header(self) -> dict[str, str]:
         found, inputs = self.found, self.inputs
-        speed = found["speed_rpm"] if "speed_rpm" in inputs else 0.0
-        loss = "Pd" if found["losses"] == "balance" else "Pol"
         names = _enumerators(self.nodes)
         return {name: in_comment(text) for name, text in self.said.items()} | {
             "version": __version__,
             "step": repr(float(self.step)),
             "num_nodes": str(len(self.nodes)),
+            "num_links": str(len(links_of(found))),
             "has_second": str(int("Te2" in inputs)),
             "has_speed": str(int("speed_rpm" in inputs)),
             "has_fan": str(int("fan" in inputs)),
-            "max_current": _limit(10.0, found["Is"], found["rated_current_A"]),
-            "max_losses": _limit(10.0, found[loss], 1.0),
-            "max_speed": _limit(2.0, speed, found["rated_speed_rpm"]),
+            **self.largest(),
             "node_enumerators": ",\n".join(
                 f"    HEATRUN_NODE_{name} = {i} /* {in_comment(node)} */"
                 for i, (name, node) in enumerate(zip(names, self.nodes, strict=True))
             ),
-            "losses_words": "all losses, copper included"
-            if loss == "Pd"
-            else "losses other than copper",
+            "losses_words": self.losses_words,
             "sink": in_comment(found["sink"]),
             "second_sink": in_comment(found.get("second_sink", "none")),
         }
 
-    def _tables(self) -> dict[str, str]:
-        found, nodes = self.found, self.nodes
-        links = _links(found)
-        ends = [*nodes, found["sink"], found.get("second_sink", "")]
-        share = np.atleast_1d(found["share"]).astype(float)
-        copper = nodes.index(found["copper_node"])
+    def parameters(self) -> dict[str, np.ndarray]:
+        """Return the members of `heatrun_parameters` [their units]: shape (node,), (link,), ()."""
+        found, nodes, links = self.found, self.nodes, links_of(self.found)
         by_link = {name: np.zeros(len(links)) for name in ("speed_gain", "speed_exponent",
                                                            "fan_gain")}  # fmt: skip
-        by_node = {name: np.zeros(len(nodes)) for name in ("speed_linear", "speed_square")}
-        is_balance, plain = found["losses"] == "balance", share.copy()
-        ac_copper = stray = moved = 0.0
+        by_node = {name: np.zeros(len(nodes)) for name in ("speed_loss_W", "speed_squared_loss_W",
+                   "moved_W", "moved_exponent", "moved_by_load")}  # fmt: skip
+        alone = dict.fromkeys(("ac_copper", "stray_W"), 0.0)
         for effect in np.atleast_1d(found["effects"]):
             q = effect["parameters"]
             if effect["id"] == "speed_cooling":
@@ -418,38 +357,48 @@ class CSource:
                 by_link["speed_gain"][place], by_link["speed_exponent"][place] = q["g"], q["m"]
             elif effect["id"] == "fan_cooling":
                 by_link["fan_gain"][links.index(tuple(effect["link"]))] = q["g"]
-            elif effect["id"] == "iron_loss_in_winding":
-                moved = q["q"]
-                share = (1.0 - moved) * share + moved * (np.arange(len(nodes)) == copper)
+            elif effect["id"] in MOVED:
+                place = nodes.index(effect.get("added", found["copper_node"]))
+                by_node["moved_W"][place] = q[MOVED[effect["id"]]]
+                by_node["moved_exponent"][place] = max(q["n"], 0.0)
+                by_node["moved_by_load"][place] = q["m"]
             elif effect["id"] == "ac_copper_loss":
-                ac_copper = q["k"]
+                alone["ac_copper"] = q["k"]
             elif effect["id"] == "stray_load_loss":
-                stray = q["k"] / found["rated_current_A"] ** 2
+                alone["stray_W"] = q["k"]
             elif effect["id"] != "sensor_lag":  # it is the observer's alone
                 place = nodes.index(effect["node"])
-                by_node["speed_linear"][place] += q["linear"]
-                by_node["speed_square"][place] += q["square"]
-        if is_balance:  # what is moved is a share of the other losses without these two
-            ac_copper, stray = ac_copper / (1.0 - moved), stray / (1.0 - moved)
-        per_square = found["phases"] * found["Rs0"] / (found["B"] + found["Tref"])
+                by_node["speed_loss_W"][place] += q["linear"]
+                by_node["speed_squared_loss_W"][place] += q["square"]
+        of_network = {
+            "capacitance_J_per_K": np.atleast_1d(found["capacitance"]),
+            "resistance_K_per_W": np.atleast_1d(found["resistance"]),
+            "share": np.atleast_1d(found["share"]),
+            "Rs0_ohm": found["Rs0"],
+        }
+        numbers = {**of_network, **alone, **by_link, **by_node}
+        return {name: np.asarray(value, float) for name, value in numbers.items()}
+
+    def _tables(self) -> dict[str, str]:
+        found = self.found
+        links = links_of(found)
+        ends = [*self.nodes, found["sink"], found.get("second_sink", "")]
+        is_balance = found["losses"] == "balance"
         return {
             "other_words": "losses - Pjs" if is_balance else "as given",
             "parts": str(self.parts),
-            "num_links": str(len(links)),
-            "copper": str(copper),
+            "copper": str(self.nodes.index(found["copper_node"])),
             "is_balance": str(int(is_balance)),
-            "capacitance": _reals(np.atleast_1d(found["capacitance"])),
-            "share": _reals(share),
-            "stray_share": _reals(0.0 * plain if is_balance else plain),
             "first": ", ".join(str(ends.index(a)) for a, _ in links),
             "second": ", ".join(str(ends.index(b)) for _, b in links),
-            "conductance": _reals(1.0 / np.atleast_1d(found["resistance"])),
             "coefficient": repr(float(found["B"])),
-            "copper_slope": repr(float(per_square)),
-            "ac_copper": repr(float(ac_copper)),
-            "stray": repr(float(stray)),
+            "copper_per_ohm": repr(float(found["phases"] / (found["B"] + found["Tref"]))),
             "rated_speed": repr(float(found["rated_speed_rpm"])),
-            **{name: _reals(values) for name, values in {**by_link, **by_node}.items()},
+            "rated_current": repr(float(found["rated_current_A"])),
+            **{
+                name: repr(float(values)) if values.ndim == 0 else _reals(values)
+                for name, values in self.parameters().items()
+            },
         }
 
     def _observer(self) -> dict[str, str]:
@@ -537,11 +486,16 @@ def _enumerators(nodes: Sequence[str]) -> list[str]:
     return names
 
 
+def parts_of(step: float, found: Mapping[str, Any]) -> int:
+    """Return into how many parts a step [s] of a network is divided."""
+    return max(1, math.ceil(step * _fastest(found) / SHARE_OF_FASTEST))
+
+
 def _fastest(found: Mapping[str, Any]) -> float:
     """Return a bound of the fastest rate of the network at its limits [1/s]."""
     nodes = [str(node) for node in np.atleast_1d(found["nodes"])]
     conductance = 1.0 / np.atleast_1d(found["resistance"])
-    links = _links(found)
+    links = links_of(found)
     for effect in np.atleast_1d(found["effects"]):
         if "link" in effect:  # a conductance that rises, at twice its rated speed
             place = links.index(tuple(effect["link"]))
@@ -553,7 +507,7 @@ def _rates(found: Mapping[str, Any]) -> np.ndarray:
     """Return how fast each node goes to what surrounds it [1/s], shape (node,)."""
     nodes = [str(node) for node in np.atleast_1d(found["nodes"])]
     conductance = 1.0 / np.atleast_1d(found["resistance"])
-    return _by_node(conductance, _links(found), nodes) / np.atleast_1d(found["capacitance"])
+    return _by_node(conductance, links_of(found), nodes) / np.atleast_1d(found["capacitance"])
 
 
 def _by_node(
@@ -565,7 +519,8 @@ def _by_node(
     ])  # fmt: skip
 
 
-def _links(found: Mapping[str, Any]) -> list[tuple[str, ...]]:
+def links_of(found: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """Return both ends of each link, in the order of the resistances."""
     return [tuple(map(str, link)) for link in np.reshape(found["links"], (-1, 2))]
 
 

@@ -6,6 +6,7 @@ The files of an export in their folder, where nothing is lost that cannot be mad
 from __future__ import annotations
 
 import io
+import zipfile
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,8 +34,31 @@ from .variables import Corrections, Shaft, thesis_variables
 HEADER_TEXT_BYTES = 116
 """Free text at the start of a MATLAB 5 file; MAT-File Format, "Level 5 MAT-file header"."""
 
-SOURCES = (b"/* heatrun export:", b"# heatrun export:", b"<!-- heatrun export:")
+SOURCES = (b"/* heatrun export:", b"# heatrun export:", b"<!-- heatrun export:",
+           b"// heatrun export:")  # fmt: skip
 """How the sources and vectors of an export begin."""
+
+
+ZIP_FIRST = "documentation/heatrun.txt"
+ZIP_WORDS = b"heatrun export: see modelDescription.xml\n"
+
+
+def zipped(files: Mapping[str, bytes]) -> bytes:
+    """Return a ZIP archive that is known as heatrun's; the same files give the same bytes.
+
+    Args:
+        files: Content by path.
+    """
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        archive.writestr(zipfile.ZipInfo(ZIP_FIRST), ZIP_WORDS)  # of 1980, as the others
+        for path, content in files.items():
+            archive.writestr(zipfile.ZipInfo(path), content, zipfile.ZIP_DEFLATED)
+    return buffer.getvalue()
+
+
+ZIP_BEGIN = zipped({})[: 30 + len(ZIP_FIRST) + len(ZIP_WORDS)]
+"""How such an archive begins: header, name and words of its first file."""
 
 Variables = dict[str, Any]
 
@@ -197,7 +221,7 @@ def _refuse_loss(path: Path, content: bytes, inputs: tuple[Path, ...]) -> None:
     except OSError:
         return  # it is not there, or writing fails with its own words
     is_input = any(path.resolve() == source.resolve() for source in inputs)
-    is_ours = existing.startswith((EXPORT, *SOURCES)) or existing == content
+    is_ours = existing.startswith((EXPORT, *SOURCES, ZIP_BEGIN)) or existing == content
     if is_input or not is_ours:
         what = "one of the run's records" if is_input else "not as heatrun writes it"
         raise InputError(

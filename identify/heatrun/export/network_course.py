@@ -12,7 +12,7 @@ import numpy as np
 import scipy.io
 
 from lptn import EFFECTS, CopperLosses, Inputs, Network, Sensor, SpeedLoss, longest_step, simulate
-from lptn.effects import AbstractEffect, NodeEffect
+from lptn.effects import AbstractEffect, HeatEffect, NodeEffect
 from lptn.effects.sensors import SensorLag, TimeShift
 
 from .grid import Grid, Held
@@ -124,6 +124,43 @@ def _network(found: Mapping[str, Any]) -> tuple[Network, dict[str, float]]:
         second_boundary=found.get("second_sink", ""),
     )
     return network, dict(zip(nodes, map(float, by_node["start"]), strict=True))
+
+
+def with_bodies(found: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the variables of a network with the bodies that effects add among its nodes.
+
+    An effect that does nothing else is not among the effects any more; one that also moves heat
+    names the node that it has `added`.
+
+    Args:
+        found: As `simulate_network`.
+    """
+    network, start = _network(found)
+    nodes = list(start)
+    links = [(str(a), str(b)) for a, b in np.reshape(found["links"], (-1, 2))]
+    state = {node: jnp.asarray(T) for node, T in start.items()}
+    effects = []
+    for said in np.atleast_1d(found["effects"]):
+        effect = _effect(said)
+        if isinstance(effect, NodeEffect):
+            network, state = effect.extend(network), effect.start(state)
+            (added,) = (node for node in network.nodes if node not in nodes)
+            nodes.append(added)
+            links += [link for link in network.links if link not in links]
+            if not isinstance(effect, HeatEffect):
+                continue
+            said = {**said, "added": added}
+        effects.append(said)
+    return {
+        **found,
+        "nodes": nodes,
+        "links": links,
+        "capacitance": np.array([float(network.capacitance[node]) for node in nodes]),
+        "resistance": np.array([float(network.resistance[link]) for link in links]),
+        "share": np.array([float(network.share.get(node, 0.0)) for node in nodes]),
+        "start": np.array([float(state[node]) for node in nodes]),
+        "effects": effects,
+    }
 
 
 def _losses(found: Mapping[str, Any]) -> CopperLosses:

@@ -31,7 +31,7 @@ static int read_row(const char *line, double row[NUM_COLUMNS])
 int main(int num_words, char **words)
 {
     FILE *file = num_words == 2 ? fopen(words[1], "r") : NULL;
-    const double limit_K = sizeof(heatrun_real) < sizeof(double) ? 0.05 : 1e-6;
+    const double limit_K = sizeof(heatrun_real) < 8 ? 0.05 : 1e-6;
     static char line[2048];
     double row[NUM_COLUMNS], largest_K = 0.0;
     heatrun_state state;

@@ -3,7 +3,8 @@
  * Each node:    C dT/dt = heat - flows out + flows in,  flow = g (T - T of the other end)
  * Copper loss:  Pjs = phases Rs0 I^2 (1 + k s^2) (B + T)/(B + Tref), T of the copper node
  * Stray loss:   k' I^2 s^1.5, s speed over the rated one; in the copper node where losses hold all
- * Other losses: $other_words, shared to the nodes
+ * Other losses: $other_words, shared to the nodes; of them P s^n (1 - m + m i^2) to one node, not
+ *               below 0, i current over the rated one: teeth in the winding, rotor
  *
  * Classical Runge-Kutta in HEATRUN_PARTS equal parts of a step. The matrix of the network depends
  * on current and speed, so that an exact discretisation would need an exponential in every step.
@@ -13,34 +14,44 @@
 #define R(x) ((heatrun_real)(x))
 #define HEATRUN_PARTS $parts
 #define NUM_NODES HEATRUN_NUM_NODES
-#define NUM_LINKS $num_links
+#define NUM_LINKS HEATRUN_NUM_LINKS
 #define SINK NUM_NODES
 #define COPPER $copper
 #define IS_BALANCE $is_balance
 
-static const heatrun_real CAPACITANCE_J_PER_K[NUM_NODES] = {$capacitance};
-static const heatrun_real SHARE[NUM_NODES] = {$share};
-static const heatrun_real STRAY_SHARE[NUM_NODES] = {$stray_share}; /* where it is no copper loss */
 static const int FIRST_END[NUM_LINKS] = {$first};
 static const int SECOND_END[NUM_LINKS] = {$second};
-static const heatrun_real CONDUCTANCE_W_PER_K[NUM_LINKS] = {$conductance};
 static const heatrun_real COEFFICIENT_DEGC = R($coefficient);
-static const heatrun_real COPPER_W_PER_A2_K = R($copper_slope);
+static const heatrun_real COPPER_PER_OHM_K = R($copper_per_ohm); /* phases/(B + Tref) */
 #if HEATRUN_HAS_SPEED
 static const heatrun_real RATED_SPEED_RPM = R($rated_speed);
-static const heatrun_real SPEED_GAIN[NUM_LINKS] = {$speed_gain};
-static const heatrun_real SPEED_EXPONENT[NUM_LINKS] = {$speed_exponent};
-static const heatrun_real SPEED_LOSS_W[NUM_NODES] = {$speed_linear};
-static const heatrun_real SPEED_SQUARED_LOSS_W[NUM_NODES] = {$speed_square};
-static const heatrun_real AC_COPPER = R($ac_copper);
-static const heatrun_real STRAY_W_PER_A2 = R($stray);
+static const heatrun_real RATED_CURRENT_A = R($rated_current);
+#endif
+
+const heatrun_parameters heatrun_identified = {
+    {$capacitance_J_per_K},
+    {$resistance_K_per_W},
+    {$share},
+    R($Rs0_ohm),
+#if HEATRUN_HAS_SPEED
+    {$speed_gain},
+    {$speed_exponent},
+    {$speed_loss_W},
+    {$speed_squared_loss_W},
+    {$moved_W},
+    {$moved_exponent},
+    {$moved_by_load},
+    R($ac_copper),
+    R($stray_W),
 #endif
 #if HEATRUN_HAS_FAN
-static const heatrun_real FAN_GAIN[NUM_LINKS] = {$fan_gain};
+    {$fan_gain},
 #endif
+};
 
 /* What stays the same during a step. */
 typedef struct {
+    const heatrun_parameters *parameters;
     heatrun_real coefficient_degC;
     heatrun_real copper_W_per_A2_K;
     heatrun_real stray_W_per_A2;
@@ -123,21 +134,27 @@ static heatrun_real power(heatrun_real base, heatrun_real exponent)
 }
 #endif
 
-static void prepare(const heatrun_inputs *inputs, drive *at)
+static void prepare(const heatrun_parameters *p, const heatrun_inputs *inputs, drive *at)
 {
     int i;
 #if HEATRUN_HAS_SPEED
     const heatrun_real speed =
         inputs->speed_rpm < R(0.0) ? -inputs->speed_rpm : inputs->speed_rpm;
+    const heatrun_real rated = speed/RATED_SPEED_RPM;
+    const heatrun_real load =
+        inputs->current_A*inputs->current_A/(RATED_CURRENT_A*RATED_CURRENT_A);
+    heatrun_real moved_W = R(0.0);
 #endif
+    at->parameters = p;
     at->coefficient_degC = COEFFICIENT_DEGC;
     at->square_A2 = inputs->current_A*inputs->current_A;
-    at->copper_W_per_A2_K = COPPER_W_PER_A2_K;
+    at->copper_W_per_A2_K = COPPER_PER_OHM_K*p->Rs0_ohm;
     at->stray_W_per_A2 = R(0.0);
 #if HEATRUN_HAS_SPEED
-    at->copper_W_per_A2_K *= R(1.0) + AC_COPPER*speed*speed/(RATED_SPEED_RPM*RATED_SPEED_RPM);
-    if (STRAY_W_PER_A2 > R(0.0)) {
-        at->stray_W_per_A2 = STRAY_W_PER_A2*power(speed/RATED_SPEED_RPM, R(1.5));
+    at->copper_W_per_A2_K *= R(1.0) + p->ac_copper*rated*rated;
+    if (p->stray_W > R(0.0)) {
+        at->stray_W_per_A2 =
+            p->stray_W/(RATED_CURRENT_A*RATED_CURRENT_A)*power(rated, R(1.5));
     }
 #endif
     at->losses_W = inputs->losses_W;
@@ -149,21 +166,21 @@ static void prepare(const heatrun_inputs *inputs, drive *at)
     at->sinks_degC[1] = R(0.0);
 #endif
     for (i = 0; i < NUM_LINKS; ++i) {
-        heatrun_real g = CONDUCTANCE_W_PER_K[i];
+        heatrun_real g = R(1.0)/p->resistance_K_per_W[i];
 #if HEATRUN_HAS_SPEED
-        if (SPEED_GAIN[i] > R(0.0)) {
-            g *= R(1.0) + SPEED_GAIN[i]*power(speed/RATED_SPEED_RPM, SPEED_EXPONENT[i]);
+        if (p->speed_gain[i] > R(0.0)) {
+            g *= R(1.0) + p->speed_gain[i]*power(rated, p->speed_exponent[i]);
         }
 #endif
 #if HEATRUN_HAS_FAN
-        g *= R(1.0) + FAN_GAIN[i]*inputs->fan;
+        g *= R(1.0) + p->fan_gain[i]*inputs->fan;
 #endif
         at->conductance_W_per_K[i] = g;
     }
     for (i = 0; i < NUM_NODES; ++i) {
 #if HEATRUN_HAS_SPEED
         const heatrun_real rate = speed/R(1000.0);
-        at->heat_W[i] = (SPEED_LOSS_W[i] + SPEED_SQUARED_LOSS_W[i]*rate)*rate;
+        at->heat_W[i] = (p->speed_loss_W[i] + p->speed_squared_loss_W[i]*rate)*rate;
 #if IS_BALANCE
         at->losses_W -= at->heat_W[i];
 #endif
@@ -171,6 +188,19 @@ static void prepare(const heatrun_inputs *inputs, drive *at)
         at->heat_W[i] = R(0.0);
 #endif
     }
+#if HEATRUN_HAS_SPEED
+    for (i = 0; i < NUM_NODES; ++i) {
+        const heatrun_real by_load = R(1.0) + p->moved_by_load[i]*(load - R(1.0));
+        if (p->moved_W[i] > R(0.0) && by_load > R(0.0)) {
+            const heatrun_real heat_W = p->moved_W[i]*by_load*power(rated, p->moved_exponent[i]);
+            at->heat_W[i] += heat_W;
+            moved_W += heat_W;
+        }
+    }
+    for (i = 0; i < NUM_NODES; ++i) {
+        at->heat_W[i] -= p->share[i]*moved_W;
+    }
+#endif
 }
 
 /* Copper loss, with the stray loss where that counts as such. */
@@ -184,10 +214,10 @@ static void heats(const drive *at, const heatrun_real T[NUM_NODES], heatrun_real
 {
     const heatrun_real copper_W = copper(at, T);
     const heatrun_real other_W = at->losses_W - at->copper_in_losses*copper_W;
+    const heatrun_real stray_W = R(1 - IS_BALANCE)*at->stray_W_per_A2*at->square_A2;
     int i;
     for (i = 0; i < NUM_NODES; ++i) {
-        W[i] = at->heat_W[i] + SHARE[i]*other_W
-            + STRAY_SHARE[i]*at->stray_W_per_A2*at->square_A2;
+        W[i] = at->heat_W[i] + at->parameters->share[i]*(other_W + stray_W);
     }
     W[COPPER] += copper_W;
 }
@@ -207,17 +237,17 @@ static void slopes(const drive *at, const heatrun_real T[NUM_NODES],
         }
     }
     for (i = 0; i < NUM_NODES; ++i) {
-        K_per_s[i] /= CAPACITANCE_J_PER_K[i];
+        K_per_s[i] /= at->parameters->capacitance_J_per_K[i];
     }
 }
 
 /* Increments are summed with what was rounded off before (Kahan): in float too, an error does not
  * grow with the number of steps. */
-static void advance(const drive *at, heatrun_state *state)
+static void advance(const drive *at, heatrun_state *state, heatrun_real step_s)
 {
     static const heatrun_real REACH[4] = {R(0.0), R(0.5), R(0.5), R(1.0)};
     static const heatrun_real WEIGHT[4] = {R(1.0), R(2.0), R(2.0), R(1.0)};
-    const heatrun_real h = R(HEATRUN_STEP_S)/R(HEATRUN_PARTS);
+    const heatrun_real h = step_s/R(HEATRUN_PARTS);
     int part, stage, i;
     for (part = 0; part < HEATRUN_PARTS; ++part) {
         heatrun_real slope[NUM_NODES] = {R(0.0)};
@@ -255,23 +285,24 @@ heatrun_status heatrun_start(heatrun_state *state,
         state->temperature_degC[i] = temperature_degC[i];
         state->carry_K[i] = R(0.0);
     }
+    state->parameters = &heatrun_identified;
     return HEATRUN_OK;
 }
 
 /* Advance with more heat in each node [W]; a null pointer stands for none. */
 static heatrun_status step_with(heatrun_state *state, const heatrun_inputs *inputs, drive *at,
-                                const heatrun_real *more_W)
+                                const heatrun_real *more_W, heatrun_real step_s)
 {
     heatrun_state next = *state;
     int i;
     if (!is_valid(inputs)) {
         return HEATRUN_INPUT_INVALID;
     }
-    prepare(inputs, at);
+    prepare(state->parameters, inputs, at);
     for (i = 0; more_W && i < NUM_NODES; ++i) {
         at->heat_W[i] += more_W[i];
     }
-    advance(at, &next);
+    advance(at, &next, step_s);
     for (i = 0; i < NUM_NODES; ++i) {
         if (!is_temperature(next.temperature_degC[i])) {
             return HEATRUN_STATE_INVALID;
@@ -283,8 +314,16 @@ static heatrun_status step_with(heatrun_state *state, const heatrun_inputs *inpu
 
 heatrun_status heatrun_step(heatrun_state *state, const heatrun_inputs *inputs)
 {
+    return heatrun_step_of(state, inputs, R(HEATRUN_STEP_S));
+}
+
+heatrun_status heatrun_step_of(heatrun_state *state, const heatrun_inputs *inputs,
+                               heatrun_real step_s)
+{
     drive at;
-    return step_with(state, inputs, &at, (const heatrun_real *)0);
+    return is_within(step_s, R(0.0), R(HEATRUN_STEP_S))
+        ? step_with(state, inputs, &at, (const heatrun_real *)0, step_s)
+        : HEATRUN_INPUT_INVALID;
 }
 
 /* Number of steps until a node is above a limit, num_steps if it stays below. */
@@ -294,7 +333,7 @@ static long steps_below(const heatrun_state *state, const drive *at, int node,
     heatrun_state next = *state;
     long step;
     for (step = 0; step < num_steps && next.temperature_degC[node] <= limit_degC; ++step) {
-        advance(at, &next);
+        advance(at, &next, R(HEATRUN_STEP_S));
     }
     return next.temperature_degC[node] <= limit_degC ? num_steps : step;
 }
@@ -314,7 +353,7 @@ heatrun_real heatrun_time_to_limit_s(const heatrun_state *state, const heatrun_i
     if (!is_question(inputs, node, limit_degC, horizon_s)) {
         return R(-1.0);
     }
-    prepare(inputs, &at);
+    prepare(state->parameters, inputs, &at);
     num_steps = (long)(horizon_s/R(HEATRUN_STEP_S) + R(0.001));
     steps = steps_below(state, &at, node, limit_degC, num_steps);
     return steps == num_steps ? horizon_s : R(steps)*R(HEATRUN_STEP_S);
@@ -331,7 +370,7 @@ heatrun_real heatrun_permitted_current_A(const heatrun_state *state, const heatr
     if (!is_question(inputs, node, limit_degC, horizon_s)) {
         return R(-1.0);
     }
-    prepare(inputs, &at);
+    prepare(state->parameters, inputs, &at);
     num_steps = (long)(horizon_s/R(HEATRUN_STEP_S) + R(0.001));
     at.losses_W -= at.copper_in_losses*copper(&at, state->temperature_degC);
     at.copper_in_losses = R(0.0);

@@ -20,6 +20,7 @@ typedef HEATRUN_REAL heatrun_real;
 
 #define HEATRUN_STEP_S $step
 #define HEATRUN_NUM_NODES $num_nodes
+#define HEATRUN_NUM_LINKS $num_links
 #define HEATRUN_HAS_SECOND_SINK $has_second
 #define HEATRUN_HAS_SPEED $has_speed
 #define HEATRUN_HAS_FAN $has_fan
@@ -59,16 +60,46 @@ typedef struct {
 } heatrun_inputs;
 
 typedef struct {
+    heatrun_real capacitance_J_per_K[HEATRUN_NUM_NODES];
+    heatrun_real resistance_K_per_W[HEATRUN_NUM_LINKS];
+    heatrun_real share[HEATRUN_NUM_NODES]; /* of the losses other than copper [1] */
+    heatrun_real Rs0_ohm;
+#if HEATRUN_HAS_SPEED
+    heatrun_real speed_gain[HEATRUN_NUM_LINKS];     /* of a conductance at the rated speed [1] */
+    heatrun_real speed_exponent[HEATRUN_NUM_LINKS];
+    heatrun_real speed_loss_W[HEATRUN_NUM_NODES];   /* at 1000 rpm */
+    heatrun_real speed_squared_loss_W[HEATRUN_NUM_NODES];
+    heatrun_real moved_W[HEATRUN_NUM_NODES];        /* of them, at the rated speed and current */
+    heatrun_real moved_exponent[HEATRUN_NUM_NODES]; /* of the speed, not below 0 */
+    heatrun_real moved_by_load[HEATRUN_NUM_NODES];  /* how far with the squared current [1] */
+    heatrun_real ac_copper;                         /* more copper loss at the rated speed [1] */
+    heatrun_real stray_W;                           /* at the rated speed and current */
+#endif
+#if HEATRUN_HAS_FAN
+    heatrun_real fan_gain[HEATRUN_NUM_LINKS];
+#endif
+} heatrun_parameters;
+
+/* Those of the run. */
+extern const heatrun_parameters heatrun_identified;
+
+typedef struct {
     heatrun_real temperature_degC[HEATRUN_NUM_NODES];
     heatrun_real carry_K[HEATRUN_NUM_NODES]; /* what the sum has rounded off */
+    const heatrun_parameters *parameters;    /* set by heatrun_start; a machine may have its own */
 } heatrun_state;
 
-/* Start from known temperatures. If one is invalid, the state is left as it was. */
+/* Start from known temperatures, with the parameters of the run. If a temperature is invalid, the
+ * state is left as it was. */
 heatrun_status heatrun_start(heatrun_state *state,
                              const heatrun_real temperature_degC[HEATRUN_NUM_NODES]);
 
 /* Advance by HEATRUN_STEP_S. */
 heatrun_status heatrun_step(heatrun_state *state, const heatrun_inputs *inputs);
+
+/* Advance by a shorter step, as a simulator may take it [s]. */
+heatrun_status heatrun_step_of(heatrun_state *state, const heatrun_inputs *inputs,
+                               heatrun_real step_s);
 
 /* Time until a node is above a limit under inputs that are held [s]: in whole steps, horizon_s if
  * it stays below so long, -1 for an invalid question. It costs as many steps of the model. */

@@ -79,7 +79,7 @@ static heatrun_real start_variance(int i)
 static void passed(const drive *at, const heatrun_real now_W[NUM_NODES], int j,
                    heatrun_real column[NUM_STATES])
 {
-    heatrun_state state = {{R(0.0)}, {R(0.0)}};
+    heatrun_state state = {{R(0.0)}, {R(0.0)}, at->parameters};
     drive bare = *at;
     int i;
     bare.coefficient_degC = R(0.0);
@@ -99,7 +99,7 @@ static void passed(const drive *at, const heatrun_real now_W[NUM_NODES], int j,
     } else if (j < SLOW) {
         bare.heat_W[HEATED[j - NUM_NODES]] = R(1.0);
     }
-    advance(&bare, &state);
+    advance(&bare, &state, R(HEATRUN_STEP_S));
     for (i = 0; i < NUM_NODES; ++i) {
         column[i] = state.temperature_degC[i];
     }
@@ -299,7 +299,7 @@ heatrun_estimate heatrun_observer_step(heatrun_observer *observer, const heatrun
     for (i = 0; i < NUM_HEATS; ++i) {
         more_W[HEATED[i]] = observer->heat_W[i];
     }
-    estimate.status = step_with(&observer->model, inputs, &at, more_W);
+    estimate.status = step_with(&observer->model, inputs, &at, more_W, R(HEATRUN_STEP_S));
     if (estimate.status == HEATRUN_OK) {
         predict_covariance(observer, &at);
         for (i = 0; i < NUM_HEATS; ++i) {
@@ -315,7 +315,7 @@ heatrun_estimate heatrun_observer_step(heatrun_observer *observer, const heatrun
         widen(observer, BLIND_K);
     }
     observer->fresh_K = ANSWER_DECAY*observer->fresh_K + shown(observer) - shown_degC;
-    if (judge(observer, reading_degC, shown(observer) - shown_degC)) {
+    if (judge(observer, reading_degC, shown(observer) - shown_degC) != 0) {
         correct(observer, reading_degC - shown(observer) - observer->slow_K);
     }
     for (i = 0; i < NUM_NODES; ++i) {

@@ -1,0 +1,132 @@
+"""The parameters of the C of a run as other programs see them: names, units, 95 % intervals."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..model.model import Model
+from .c_file import CSource, links_of
+
+OF_EFFECTS = {
+    "speed_gain": ("speed_cooling.g", "1", "gain of a conductance at the rated speed"),
+    "speed_exponent": ("speed_cooling.m", "1", "exponent of the speed"),
+    "fan_gain": ("fan_cooling.g", "1", "gain of a conductance at the rated fan"),
+    "moved_W": ("moved_loss.{0}.P", "W", "loss that heats {0} at the rated speed and current"),
+    "moved_exponent": ("moved_loss.{0}.n", "1", "exponent of the speed in it"),
+    "moved_by_load": ("moved_loss.{0}.m", "1", "how far it goes with the squared current"),
+    "ac_copper": ("ac_copper_loss.k", "1", "more copper loss at the rated speed"),
+    "stray_W": ("stray_load_loss.k", "W", "stray loss at the rated speed and current"),
+    "speed_loss_W": ("speed_loss.{0}.linear", "W", "loss of {0} at 1000 rpm by the speed"),
+    "speed_squared_loss_W": (
+        "speed_loss.{0}.square",
+        "W",
+        "loss of {0} at 1000 rpm by its square",
+    ),
+    "share": ("share.{0}", "1", "share of the losses other than copper in {0}"),
+}
+"""Name, unit and meaning of what stands in the C beside C, R and Rs0; {0} is a node."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One number among the parameters of the C.
+
+    Attributes:
+        name: In letters, digits and points, each once.
+        member: Of `heatrun_parameters`.
+        index: Its place there; None for a member that is one number.
+        unit: Its unit, `"1"` for none.
+        meaning: What it is.
+        value: What the run states [unit].
+        interval_95: Its 95 % interval [unit]; None where the run has none for it.
+    """
+
+    name: str
+    member: str
+    index: int | None
+    unit: str
+    meaning: str
+    value: float
+    interval_95: tuple[float, float] | None
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Between which it may be set: half and twice, and all of the interval [unit]."""
+        values = (self.value, *(self.interval_95 or ()))
+        low, high = min(0.5 * self.value, *values), max(2.0 * self.value, *values)
+        return low, min(high, 0.5 * (1.0 + max(values))) if self.member == "share" else high
+
+    @property
+    def words(self) -> str:
+        """Meaning with value and interval."""
+        if self.interval_95 is None:
+            return self.meaning
+        low, high = self.interval_95
+        return f"{self.meaning}; 95 % interval {low:.4g} to {high:.4g}"
+
+
+def entries(source: CSource, model: Model, ends: Iterable[CSource] = ()) -> list[Entry]:
+    """Return the parameters that a run has found, in the order of the C.
+
+    Args:
+        source: The network as C.
+        model: That it was made of.
+        ends: The same at the ends of the intervals; empty where there are none.
+    """
+    tables = [each.parameters() for each in (source, *ends)]
+    kept = []
+    for member, values in tables[0].items():
+        for place in np.ndindex(values.shape):
+            value, *limits = (float(table[member][place]) for table in tables)
+            is_there = any((value, *limits)) if member != "share" else len({value, *limits}) > 1
+            if is_there:
+                index = place[0] if place else None
+                interval = (min(limits), max(limits)) if limits else None
+                name, unit, meaning = _said(source, model, member, index)
+                kept.append(Entry(name, member, index, unit, meaning, value, interval))
+    names = unique((each.name for each in kept), ["time"])
+    return [replace(each, name=name) for each, name in zip(kept, names, strict=True)]
+
+
+def _said(source: CSource, model: Model, member: str, index: int | None) -> tuple[str, str, str]:
+    """Return name, unit and meaning."""
+    form, nodes, links = model.form, source.nodes, links_of(source.found)
+    if member == "capacitance_J_per_K":
+        node = nodes[index or 0]
+        parameter = dict(form.capacitance).get(node)
+        if parameter is None:  # a body that an effect adds
+            return f"C_{node}", "J/K", f"heat capacity of {node}"
+        return parameter.name, parameter.unit, parameter.meaning
+    if member == "resistance_K_per_W":
+        a, b = links[index or 0]
+        parameter = dict(form.resistance).get((a, b))
+        if parameter is None:
+            return f"R_{a}_{b}", "K/W", f"resistance from {a} to {b}"
+        return parameter.name, parameter.unit, parameter.meaning
+    if member == "Rs0_ohm":
+        return "Rs0", "Ohm", f"phase resistance at {float(source.found['Tref']):g} degC"
+    name, unit, meaning = OF_EFFECTS[member]
+    node = nodes[index] if "{0}" in name and index is not None else ""
+    return name.format(node), unit, meaning.format(node)
+
+
+def unique(names: Iterable[str], taken: Iterable[str] = (), point: str = ".") -> Iterator[str]:
+    """Give names in letters and digits that any program reads, each once.
+
+    Args:
+        names: Any names; points part them.
+        taken: Names that are there already.
+        point: What parts them afterwards.
+    """
+    used = set(taken)
+    for name in names:
+        parts = name.split(".")
+        plain = point.join(re.sub(r"\W|^(?=\d)|^$", "_", each, flags=re.ASCII) for each in parts)
+        while plain in used:
+            plain += "_"
+        used.add(plain)
+        yield plain

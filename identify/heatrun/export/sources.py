@@ -1,0 +1,166 @@
+"""A run as sources that hold its laws: C99 for a drive, an FMU around it, Modelica."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+from ..io.whole_files import numbered
+from ..model.parameters import qualified
+from ..runs.run import Run, open_run
+from .c_file import (
+    LAWS,
+    MOST_STATES,
+    STEP_S,
+    VECTORS,
+    CSource,
+    Missed,
+    lacking_laws,
+    refuse_lawless,
+)
+from .contents import NETWORK, mat_bytes, write_export, zipped
+from .fmu import compiled, fmu_files
+from .modelica import modelica
+from .network_course import read_network
+from .parameters import Entry, entries
+from .rerun import RunAndTest, as_replica, effects_of, of_no_test, read_run_test
+
+
+class Sourced(NamedTuple):
+    """The network of a run as C.
+
+    Attributes:
+        source: The C.
+        parameters: What the run has found, with its intervals.
+        found: Test and values that it was made of.
+        notes: Sentences on them.
+    """
+
+    source: CSource
+    parameters: list[Entry]
+    found: RunAndTest
+    notes: tuple[str, ...]
+
+
+def export_source(
+    run: Path,
+    *,
+    to: Literal["c", "fmu", "modelica"] = "c",
+    folder: Path | None = None,
+    test: str | None = None,
+    network: str | None = None,
+    is_replica: bool = False,
+    is_replacing: bool = False,
+    step: float = STEP_S,
+) -> dict[str, Any]:
+    """Write the network of a run as C99, as an FMU or in Modelica, with vectors of a test.
+
+    The C has a harness for its vectors beside it. The FMU is compiled where FMPy and a C compiler
+    are there; else it holds its sources alone, and a note says so.
+
+    Args:
+        run: The run folder.
+        to: What is written.
+        folder: Where the files go; None for a folder named `to` in the run, numbered where that
+            holds another export.
+        test: As `read_run_test`.
+        network: As `read_run_test`.
+        is_replica: Whether the nearest network with `LAWS` alone goes in its place; it has no
+            intervals.
+        is_replacing: Whether another export in `folder` is replaced.
+        step: Length of a step of C and vectors, the longest of the FMU [s].
+
+    Returns:
+        As plain data: the files, test, network (`order`, `title`) and effects, nodes, step [s],
+        its parts, steps of the vectors, parameters with their intervals, notes and findings; of C
+        whether there is an observer, of an FMU whether it is compiled.
+
+    Raises:
+        InputError: As `read_run_test` and `network_variables`; if the source lacks the law of an
+            effect, or the step is not one for this network; as `write_export`.
+    """
+    read = read_source(run, test, network, is_replica, step)
+    source, parameters, found = read.source, read.parameters, read.found
+    notes, further = [*found.notes, *read.notes], {}
+    if to == "fmu":
+        files = fmu_files(source, parameters)
+        binaries, why_none = compiled(files)
+        content = {"thermal_network.fmu": zipped({**files, **binaries})}
+        notes, further = [*notes, *why_none], {"is_compiled": bool(binaries)}
+    elif to == "modelica":
+        content = {"ThermalNetwork.mo": modelica(source, parameters)}
+    else:
+        content, further = source.texts(), {"has_observer": source.has_observer}
+        if not source.has_observer:
+            notes.append(f"There is no observer: its state would not fit into 1 kB with "
+                         f"{source.num_states} states (at most {MOST_STATES}).")  # fmt: skip
+    content[VECTORS] = source.vectors(found.record.name)
+    places = [folder] if folder else numbered(run / to)
+    written = write_export(places, content, found.inputs, is_replacing=is_replacing)
+    return {
+        "files": [str(path) for path in written],
+        "run": str(run),
+        "test": found.record.name,
+        "order": found.model.name,
+        "title": found.model.title,
+        "effects": [kind.card.id for kind in found.model.effects],
+        "nodes": source.nodes,
+        "step_s": step,
+        "parts": source.parts,
+        "vector_steps": source.num_vectors,
+        "parameters": {
+            each.name: {"value": each.value, "interval_95": each.interval_95, "unit": each.unit}
+            for each in parameters
+        },
+        **further,
+        "notes": notes,
+        "findings": [],
+    }
+
+
+def read_source(
+    run: Path, test: str | None, network: str | None, is_replica: bool, step: float
+) -> Sourced:
+    """Return the network of a run as C; arguments and errors as `export_source`."""
+    if not is_replica:
+        refuse_lawless(effects_of(run, network), str(run))
+    is_replica = bool(lacking_laws(effects_of(run, network)))
+    opened = open_run(run)
+    whole = of_no_test(read_run_test(run, test=test, network=network), network)
+    found, bias = as_replica(whole, network, LAWS) if is_replica else (whole, 0.0)
+    variables, notes = NETWORK.variables(found)
+    title = found.model.title
+    said = {
+        "run": run.resolve().name,
+        "sha256": opened.manifest["files"]["fit.json"],
+        "machine": found.motor.name,
+        "network": f"{title} (replica)" if is_replica else title,
+    }
+    missed = Missed.of(opened, network, found, whole.predicted, bias)
+    source = CSource.of(read_network(mat_bytes(variables)), missed, said, step)
+    limits = [] if is_replica else ends(opened, network, found, source)
+    return Sourced(source, entries(source, found.model, limits), found, notes)
+
+
+def ends(run: Run, network: str | None, found: RunAndTest, source: CSource) -> list[CSource]:
+    """Return the C with all parameters at the lower, and at the upper ends of their intervals.
+
+    Args:
+        run: The run.
+        network: Name of the network; None for the last one.
+        found: What `source` was made of.
+        source: The network as C.
+    """
+    fitted = run.result.models[run.choose(network)]
+    stated = {**fitted.parameters, **fitted.nuisances}
+    names = {each.name for each in found.model.form.parameters} | {"Rs0"}
+    names |= {
+        qualified(kind, part) for kind in found.model.effects for part in kind.card.parameters
+    }
+    made = []
+    for end in (0, 1):
+        moved = {n: stated[n].interval_95[end] for n in names & found.values.keys() & stated.keys()}
+        variables, _ = NETWORK.variables(replace(found, values={**found.values, **moved}))
+        made.append(replace(source, of_run=read_network(mat_bytes(variables))))
+    return made
