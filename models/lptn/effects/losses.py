@@ -83,7 +83,7 @@ class IronLossInWinding(HeatEffect):
         parameters={
             "k": Quantity("W", 0.0, 1.0, 120.0, 30.0, "loss that warms the winding first, rated"),
             "n": Quantity("1", None, 1.0, 2.0, 1.5, "exponent of the speed"),
-            "m": Quantity("1", None, -0.2, 0.6, 0.2, "how far it goes with the load"),
+            "m": Quantity("1", None, -0.4, 0.6, 0.1, "how far it goes with the load"),
         },
     )
 
