@@ -122,16 +122,23 @@ def test_pulses_of_the_winding_do_not_hide_the_body(motor):
 
 
 def test_the_resistance_of_a_coil_is_open_to_eddies_unless_stated(duty, motor):
-    """One phase: of how much more alternating current meets, no channel tells."""
-    stated = {"Rs0": ParameterOverride(value=motor.phase_resistance_ohm, relative_sd=0.01)}
-    for machine, sd in (
-        (motor, 0.01),
-        (replace(motor, phases=1), 0.07),
-        (replace(motor, phases=1, parameters=stated), 0.01),
+    """One phase: alternating current may meet more, no more than the losses hold."""
+    ohm = motor.phase_resistance_ohm
+    stated = {"Rs0": ParameterOverride(value=ohm, relative_sd=0.01)}
+    coil = replace(motor, phases=1)
+    copper = coil.copper_loss_W(duty["phase_current_A"], duty["winding_degC"])
+    direct = Record(duty.name, {**duty.channels, "losses_W": copper})
+    for machine, record, more, sd in (
+        (motor, duty, 0.0, 0.01),
+        (coil, duty, 0.1, 0.051),
+        (replace(coil, losses="map"), direct, 0.1, 0.051),
+        (coil, direct, 0.0, 0.01),
+        (replace(coil, parameters=stated), duty, 0.0, 0.01),
     ):
-        slots = Problem.of(Model.of("second", machine), machine, [reduce(duty, machine)])
+        slots = Problem.of(Model.of("second", machine), machine, [reduce(record, machine)])
         (prior,) = [s.parameter for s in slots.parameters.slots if s.name == "Rs0"]
-        assert prior.sd == pytest.approx(sd, rel=0.01)
+        assert prior.centre == pytest.approx(ohm * (1.0 + more), rel=2e-3)
+        assert prior.sd == pytest.approx(sd, rel=0.02)
 
 
 def fitted_with(motor, test, **masses):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -43,9 +44,9 @@ if TYPE_CHECKING:
 COLD_START_K = 2.0
 """Start within this of the sink [K] and at rest: stator and winding count as one temperature."""
 
-SD_FOUR_WIRE, SD_SINGLE_PHASE = 0.01, 0.07
-"""Prior standard deviations of ln Rs0. Of a coil or transformer on alternating current, eddies add
-5 to 20 % to the copper loss, and without a speed no effect of the catalogue tells them apart."""
+SD_FOUR_WIRE, MOST_EDDIES = 0.01, 0.2
+"""Prior standard deviation of ln Rs0, and what eddies add at most to the copper loss of a coil or
+transformer on alternating current [1]: without a speed no effect of the catalogue tells them."""
 
 OF_ALL_NETWORKS = (
     "Rs0", "current_gain", "power_gain", "torque_offset", "sensor_gain", "sensor_offset",
@@ -152,17 +153,41 @@ def _resistance(model: Model, motor: Motor, tests: Sequence[Blocks]) -> list[Par
             remedy="Give [winding] phase_resistance_ohm, or a guess to be estimated with "
             "[parameters.Rs0] value = ... and relative_sd = 0.2; or calibrate with --model first.",
         )
-    is_coil = motor.phases == 1
+    more = room_for_eddies(motor, tests) if motor.phases == 1 and given is not None else 0.0
     return [
         Parameter(
             "Rs0", "ohm", "phase resistance at the reference temperature", "resistance", "log",
-            1.0 if given is None else given, SD_SINGLE_PHASE if is_coil else SD_FOUR_WIRE,
-            "four-wire measurement, winding temperature known to 2 K (0.4 %/K)" if not is_coil
-            else "one phase: alternating current may meet up to 15 % more; for direct current "
-            "state relative_sd = 0.01 under [parameters.Rs0]",
+            1.0 if given is None else given * (1.0 + 0.5 * more),
+            math.hypot(SD_FOUR_WIRE, 0.25 * more),
+            "four-wire measurement, winding temperature known to 2 K (0.4 %/K)" if not more
+            else f"one phase: alternating current may meet up to {100.0 * more:.0f} % more; for "
+            "direct current state value and relative_sd = 0.01 under [parameters.Rs0]",
         ),
         CURRENT_GAIN,
     ]  # fmt: skip
+
+
+def room_for_eddies(motor: Motor, tests: Sequence[Blocks]) -> float:
+    """Return by how much eddies may raise the copper loss of a coil at most, over itself [1].
+
+    Under a measured balance what they add is among the losses: no more than what these leave.
+
+    Args:
+        motor: The machine, its resistance known.
+        tests: Reduced records.
+    """
+    if motor.losses != "balance":
+        return MOST_EDDIES
+    copper = losses = 0.0
+    for test in (each.winding for each in tests):
+        squared, watts = (
+            np.asarray(test.means[name]).reshape(test.weight.shape).mean(axis=1)
+            for name in ("current_squared", "losses")
+        )
+        seen = np.isfinite(test.measured)
+        loss = motor.copper_loss_W(np.sqrt(squared[seen]), test.measured[seen])
+        copper, losses = copper + float(np.sum(loss)), losses + float(np.sum(watts[seen]))
+    return float(np.clip(losses / max(copper, 1e-12) - 1.0, 0.0, MOST_EDDIES))
 
 
 def _start(model: Model, test: Blocks) -> list[Parameter]:
