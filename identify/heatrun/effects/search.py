@@ -49,6 +49,10 @@ end [1]."""
 HOPELESS = 3.0
 """Times what the last round has gained that a set may be behind another, to be fitted on [1]."""
 
+LOST = 35.0
+"""Log Bayes factor for a set of fewer effects that no effect without use costs [nat]: one of five
+parameters that the tests hold to a thousandth of their priors."""
+
 MOST_RIVALS, MOST_SETTLED = 2, 4
 """Rivals of each effect of the final set that are fitted, and how often one of them may take its
 place."""
@@ -145,12 +149,25 @@ class Search:
     ) -> Member:
         """Fit a set of effects from scores, and return the best fit of that set so far.
 
+        More effects explain no less. A fit that is left far behind one of fewer effects has lost
+        its way, to where a step of the network is not stable for example: it is begun again there.
+
         Args:
             effects: The set.
             z: Scores to start from.
             noise_z: Scores of the noise to start from.
             rival: What the set is held against; where it stays far behind, it is not fitted on.
         """
+        found = self._fitted(effects, z, noise_z, rival)
+        fewer = [each for each in self.fitted.values() if each.effects < effects]
+        surest = max(fewer, key=lambda each: each.log_evidence, default=found)
+        if surest.log_evidence - found.log_evidence > LOST:
+            found = self._fitted(effects, surest.z, surest.noise_z, rival)
+        return found
+
+    def _fitted(
+        self, effects: Set, z: np.ndarray, noise_z: np.ndarray | None, rival: Member | None
+    ) -> Member:
         free = self.free(effects)
         z = self.placed(z, effects)
         noise = white(ROUGH_K) if noise_z is None else from_scores(noise_z)

@@ -359,7 +359,9 @@ def _free(
     posterior: Posterior, slot: Slot, position: int, draws: np.ndarray, longer: dict[str, float]
 ) -> FittedParameter:
     parameter = slot.parameter
-    value = float(np.median(of_network(posterior.plausible, draws)))
+    # the mean of scores is one machine where parameters hang together; medians are none
+    scores = parameter.score(of_network(posterior.plausible, draws))
+    value = float(parameter.value(np.mean(scores)))
     sd = float(np.std(draws))
     # of the network alone: what effects that it may miss add is type B
     scale = parameter.sd * (abs(value) if parameter.transform == "log" else 1.0)
