@@ -7,6 +7,8 @@ import io
 import logging
 import warnings
 from collections.abc import Iterator
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +17,27 @@ from ..errors import InputError
 
 class BrokenFileError(Exception):
     """What our own checks found wrong with a file, in words for its reader."""
+
+
+def library(name: str, what: str, where: str) -> Any:
+    """Return a library that is installed with an extra of heatrun's, which is called as the format.
+
+    Args:
+        name: Of its module.
+        what: The format, such as `"MDF"`.
+        where: The file, for messages.
+
+    Raises:
+        InputError: If it is not installed.
+    """
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise InputError(
+            f"Reading {what} needs {name.partition('.')[0]}, which is not installed.",
+            where=where,
+            remedy=f'Run: pip install "heatrun[{what.lower()}]"',
+        ) from error
 
 
 @contextlib.contextmanager

@@ -21,7 +21,8 @@ from ..errors import InputError
 from ..io.open_file import LARGEST_NUMBERS
 from ..record.record import Finding
 from ..record.table import Table
-from .mat5 import DEEPEST, DamagedFileError, Text, Value, read_variables
+from .foreign import reading
+from .mat5 import DEEPEST, Text, Value, read_variables
 from .stored import Stored, as_stated, wanted
 
 Nested = Stored | str | Sequence["Nested"] | Mapping[str, "Nested"]
@@ -143,6 +144,7 @@ def is_vector(values: np.ndarray) -> bool:
 DIMENSION_ALONE = "This is a netCDF dimension but not a netCDF variable"
 """What netCDF 4 writes beside the zeros that stand for a dimension in HDF5."""
 
+WHAT = "a MAT file"
 REMEDY = "Save the signals as numeric vectors of one length: save('test.mat', 't', 'Is', …)."
 
 
@@ -167,10 +169,8 @@ def read_mat(data: bytes, where: str) -> Table:
             where=where,
             remedy="In MATLAB: save('test.mat', …, '-v7'). If it is text, name it .csv.",
         )
-    try:
+    with reading(WHAT, where):
         variables = read_variables(data)
-    except DamagedFileError as error:
-        raise _damaged(where, str(error)) from error
     return table_of({name: _plain(value) for name, value in variables.items()}, "MAT 5", where)
 
 
@@ -199,16 +199,13 @@ def read_hdf5(data: bytes, where: str) -> Table:
     """
     import h5py
 
-    try:
-        with h5py.File(io.BytesIO(data), "r") as file:
-            room = _Room(LARGEST_NUMBERS)
-            # names that begin so are MATLAB's own tables of references
-            names = [name for name in map(str, file) if not name.startswith("#")]
-            items = {name: _own(file, name) for name in names}
-            variables = {name: _value(file, item, room) for name, item in items.items()}
-            is_matlab = any("MATLAB_class" in one.attrs for one in items.values() if one)
-    except Exception as error:  # a damaged file raises nearly anything in there
-        raise _damaged(where, f"{type(error).__name__}: {error}") from error
+    with reading(WHAT, where), h5py.File(io.BytesIO(data), "r") as file:
+        room = _Room(LARGEST_NUMBERS)
+        # names that begin so are MATLAB's own tables of references
+        names = [name for name in map(str, file) if not name.startswith("#")]
+        items = {name: _own(file, name) for name in names}
+        variables = {name: _value(file, item, room) for name, item in items.items()}
+        is_matlab = any("MATLAB_class" in one.attrs for one in items.values() if one)
     return table_of(variables, "MAT 7.3 (HDF5)", where, joint="." if is_matlab else "/")
 
 
@@ -379,12 +376,4 @@ def _left_out(found: Sequence[Leaf], length: int, where: str) -> tuple[Finding, 
             remedy=_remedy(found),
             values={"count": len(names), "length": length},
         ),
-    )
-
-
-def _damaged(where: str, problem: str) -> InputError:
-    return InputError(
-        f"Expected a MAT file, it could not be read ({problem}).",
-        where=where,
-        remedy="Copy the file again from the bench; it may have been cut.",
     )

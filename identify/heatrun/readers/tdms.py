@@ -26,13 +26,12 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from ..errors import InputError
 from ..record.channels import CHANNEL, COLUMN_MAPS, Columns, lines_of
 from ..record.header import split_name
 from ..record.record import Finding, UnitSource
 from ..record.table import Column, Stated
 from ..record.units import require_unit, to_canonical
-from .foreign import BrokenFileError, damaged, reading
+from .foreign import BrokenFileError, damaged, library, reading
 from .labels import columns_of
 from .mapping import unit_of
 from .measurement import Measurement, Series, StoredChannel
@@ -182,18 +181,11 @@ def open_tdms(
     Raises:
         InputError: If npTDMS is not installed, or the file is damaged or cut.
     """
-    try:
-        from nptdms import TdmsFile
-    except ImportError as error:
-        raise InputError(
-            "Reading TDMS needs npTDMS, which is not installed.",
-            where=where,
-            remedy='Run: pip install "heatrun[tdms]"',
-        ) from error
+    nptdms = library("nptdms", "TDMS", where)
     with reading(WHAT, where):
         findings = check_segments(stream, where)
         stream.seek(0)
-        file: Any = TdmsFile.open(stream)
+        file: Any = nptdms.TdmsFile.open(stream)
         _check_lengths(file, stream.seek(0, io.SEEK_END))
         claimed = dict(split_name(text) for name, text in lines_of(columns) if name == "time_s")
         clocks = {group.name: _clock(group, claimed) for group in file.groups()}

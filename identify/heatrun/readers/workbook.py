@@ -23,7 +23,7 @@ from ..record.channels import CHANNEL, REQUIRED
 from ..record.record import Finding
 from ..record.table import Column, Table
 from .channel_map import map_columns
-from .foreign import BrokenFileError, reading
+from .foreign import BrokenFileError, library, reading
 from .hints import NO_HINTS, Hints
 from .text.reader import read_text
 from .text.remarks import units_of_row
@@ -110,14 +110,7 @@ def open_workbook(data: bytes, where: str) -> Iterator[tuple[Sheet, ...]]:
     """
     with reading(WHAT, where):
         _check(data, where)
-    try:
-        import openpyxl
-    except ImportError as error:
-        raise InputError(
-            "Reading Excel needs openpyxl, which is not installed.",
-            where=where,
-            remedy='Run: pip install "heatrun[excel]"',
-        ) from error
+    openpyxl = library("openpyxl", "Excel", where)
     with reading(WHAT, where):
         book: Any = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
         sheets = tuple(
