@@ -19,7 +19,16 @@ from ..checks.time_axis import GAP_STEPS
 from ..errors import InputError
 from ..record.record import Finding, Record
 from ..record.samples import is_measured, median_step, place, samples
-from .clock_offset import Heats, OffsetProfile, Response, best_rate, prepare_response, search_offset
+from .clock_offset import (
+    Heats,
+    OffsetProfile,
+    Response,
+    ResponseOffset,
+    best_rate,
+    offset_of_response,
+    prepare_response,
+    stamp_sd_s,
+)
 
 
 def joined_channels(
@@ -229,20 +238,19 @@ def find_alignment(
             where=f"{temperature_record.name}, {drive_record.name}",
             remedy="Check that both belong to one test; give the offset or a smaller max_offset_s.",
         )
-    profile = search_offset(response, max_offset_s)
-    steps_s = (median_step(time_s), median_step(samples(drive_record)[0]))
-    # A stamp may mark the beginning, middle or end of its interval: uniform over one step each.
-    stamp_sd_s = float(np.hypot(*steps_s)) / np.sqrt(12.0)
-    sd_s = float(np.hypot(profile.sd_s, stamp_sd_s))
-    low, high = _interval(profile, stamp_sd_s)
-    findings = _findings(temperature_record, drive_record, response, profile, sd_s, max_offset_s)
+    found = offset_of_response(response, max_offset_s)
+    profile = found.profile
+    stamp_s = stamp_sd_s(median_step(time_s), median_step(samples(drive_record)[0]))
+    sd_s = float(np.hypot(profile.sd_s, stamp_s))
+    low, high = _interval(profile, stamp_s)
+    findings = _findings(temperature_record, drive_record, response, found, sd_s, max_offset_s)
     return Alignment(
         offset_s=profile.mean_s,
         sd_s=sd_s,
         fit_sd_s=profile.sd_s,
         interval_95_s=(low, high),
-        explained=profile.explained,
-        num_effective=profile.num_effective,
+        explained=found.explained,
+        num_effective=found.num_effective,
         method=METHOD,
         findings=findings,
     )
@@ -263,19 +271,20 @@ def _findings(
     temperature_record: Record,
     drive_record: Record,
     response: Response,
-    profile: OffsetProfile,
+    offset: ResponseOffset,
     sd_s: float,
     max_offset_s: float,
 ) -> tuple[Finding, ...]:
     """The figures of the alignment as a note, and what casts doubt on it."""
     name = temperature_record.name
     where = f"{name}, {drive_record.name}"
+    profile = offset.profile
     values = {
         "offset_s": profile.mean_s,
         "sd_s": sd_s,
-        "explained": profile.explained,
-        "log_likelihood_gain": profile.gain,
-        "num_effective": profile.num_effective,
+        "explained": offset.explained,
+        "log_likelihood_gain": offset.gain,
+        "num_effective": offset.num_effective,
     }
     figures = (
         f"The drive's clock plus {profile.mean_s:.2f} s is the thermometer's (standard uncertainty "
@@ -283,7 +292,7 @@ def _findings(
     )
     found = [Finding("alignment", "note", figures, where, test=name, values=values)]
     doubt = ""
-    if profile.gain < MIN_GAIN:
+    if offset.gain < MIN_GAIN:
         severity, doubt = "error", "the temperature does not follow the drive"
     elif profile.is_at_edge:
         severity, doubt = (
