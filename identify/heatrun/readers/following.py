@@ -65,17 +65,13 @@ class Conversion:
 
     Attributes:
         origins: Canonical name to what it is read from.
-        constants: Channels that do not change, in their canonical unit.
+        motor: The machine.
         step_s: Step of a time that is made from a rate [s], None for a file with its own.
-        phases: Number of phases.
-        losses: Meaning of `losses_W`, as in `heatrun.record.motor.Motor`.
     """
 
     origins: Mapping[str, Origin]
-    constants: Mapping[str, float]
+    motor: Motor
     step_s: float | None
-    phases: int
-    losses: str
 
     @classmethod
     def of(cls, record: Record, motor: Motor | None, heads: Sequence[ColumnHead]) -> Conversion:
@@ -92,13 +88,8 @@ class Conversion:
             if (origin := _origin(one, heads)) is not None
         }
         has_rate = "time_s" not in origins and record.time_s.size > 1
-        return cls(
-            origins,
-            motor.constants if motor else {},
-            record.duration_s / (record.time_s.size - 1) if has_rate else None,
-            motor.phases if motor else 3,
-            motor.losses if motor else "balance",
-        )
+        step_s = record.duration_s / (record.time_s.size - 1) if has_rate else None
+        return cls(origins, motor or Motor(""), step_s)
 
     @property
     def columns(self) -> frozenset[str]:
@@ -130,8 +121,10 @@ class Conversion:
             if not abs(here_s + shift_s - last_s) < SAME_CLOCK_S and np.isfinite(here_s + last_s):
                 shift_s = last_s - here_s
             found["time_s"] = found["time_s"] + shift_s
-        losses = "map" if self.losses == "map" else "balance"
-        found, _ = derive(found, phases=self.phases, losses=losses, constants=self.constants)
+        motor = self.motor
+        found, _ = derive(
+            found, phases=motor.phases, losses=motor.losses, constants=motor.constants
+        )
         return found, shift_s
 
 

@@ -174,33 +174,24 @@ def read_record(
     where = str(path)
     if rate_Hz is not None:
         positive_rate(rate_Hz, where)
-    columns = motor.columns_of(name_of_test(Path(path), sheet)) if motor else None
-    phases, losses = (motor.phases, motor.losses) if motor else (3, "balance")
-    raster_s = motor.raster_s if motor else None
-    # another part may hold what the motor file states for want of a column
-    constants = motor.constants if motor and not is_part else {}
+    motor = motor or Motor("")
+    columns = motor.columns_of(name_of_test(Path(path), sheet))
     with open_input(path) as stream, opened(stream, where, columns) as measurement:
         if measurement is not None:
             sha256 = digest_of(stream)
             table, mapped = read_measurement(
-                measurement,
-                columns,
-                where=where,
-                is_part=is_part,
-                raster_s=raster_s,
-                phases=phases,
-                losses=losses,
-                constants=constants,
+                measurement, motor, columns, where=where, is_part=is_part
             )
         else:
             data = read_stream(stream, where)
             sha256 = hashlib.sha256(data).hexdigest()
-            decimal = motor.decimal if motor else None
-            hints = hints_of(columns, decimal, where=where, sheet=sheet)
+            hints = hints_of(columns, motor.decimal, where=where, sheet=sheet)
             table = _read_bytes(data, where, hints)
             mapped = map_columns(table, columns, where=where, is_part=is_part)
-            if raster_s is not None:
-                unused = f"raster_s = {raster_s:g} is for MDF and TDMS; the file keeps its times."
+            if motor.raster_s is not None:
+                unused = (
+                    f"raster_s = {motor.raster_s:g} is for MDF and TDMS; the file keeps its times."
+                )
                 mapped = replace(mapped, notes=(*mapped.notes, unused))
     channels = dict(mapped.channels)
     time_s, origin_s, time_notes, missing = _time(mapped, table, rate_Hz, where)
@@ -210,7 +201,7 @@ def read_record(
     if measurement is None:
         channels, joined = at_own_rates(channels, where)
         missing = (*missing, *joined)
-    channels, derived = derive(channels, phases=phases, losses=losses)
+    channels, derived = derive(channels, phases=motor.phases, losses=motor.losses)
     test = name or name_of_test(Path(path), sheet)
     conflict = resistance_conflict(table.constants, motor, where)
     start = day_of(mapped.start)

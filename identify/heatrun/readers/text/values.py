@@ -28,8 +28,8 @@ from ..clock import (
     CLOCK_CELL,
     DAYS,
     DAYS_CELL,
-    ClockColumn,
     TimeFormat,
+    Values,
     read_clock,
     read_days,
     read_stated,
@@ -228,31 +228,6 @@ STAMPS = 19900101000000, 21000101000000
 STAMP = r"(\d{4})(\d{2})(\d{2})([01]\d|2[0-3])([0-5]\d)([0-5]\d)"
 
 
-@dataclass(frozen=True)
-class Values:
-    """The values of one column.
-
-    Attributes:
-        numbers: Float64, shape (time,).
-        is_time: The cells were clock times or dates; the numbers are seconds.
-        note: How they were read if not as plain numbers, or empty.
-        unreadable: Which cells hold something that could not be read, shape (time,).
-        first_text: What stands in the first of these, or empty.
-        question: What the cells leave open, or None.
-        doubt: What speaks against the reading, as a sentence, or empty.
-        start: Day of the first time, ISO 8601; empty where it is not known.
-    """
-
-    numbers: np.ndarray
-    is_time: bool = False
-    note: str = ""
-    unreadable: np.ndarray | None = None
-    first_text: str = ""
-    question: Question | None = None
-    doubt: str = ""
-    start: str = ""
-
-
 def read_values(
     cells: pd.Series,
     decimal: str,
@@ -405,10 +380,10 @@ def _read_numbers(texts: pd.Series, decimal: str, has_thousands: bool) -> Values
 
 def _read_clock(texts: pd.Series, name: str) -> Values | None:
     if texts.str.fullmatch(DAYS).any():
-        return _times(read_days(texts))
+        return read_days(texts)
     if not texts.str.fullmatch(CLOCK).any():
         return None
-    return _times(read_clock(texts, name))
+    return read_clock(texts, name)
 
 
 def _read_dates(texts: pd.Series, name: str) -> Values | None:
@@ -416,7 +391,7 @@ def _read_dates(texts: pd.Series, name: str) -> Values | None:
     if not known_by and not texts.str.fullmatch(DATE_TIME).any():
         return None
     column = read_dates(numbered, name, known_by=known_by)
-    return _times(column) if column.note else None
+    return column if column.note else None
 
 
 def _read_stamps(numbers: np.ndarray, name: str) -> Values | None:
@@ -430,17 +405,6 @@ def _read_stamps(numbers: np.ndarray, name: str) -> Values | None:
     return found if found is not None and np.all(np.isfinite(found.numbers)) else None
 
 
-def _times(column: ClockColumn) -> Values:
-    return Values(
-        column.seconds,
-        True,
-        column.note,
-        question=column.question,
-        doubt=column.doubt,
-        start=column.start,
-    )
-
-
 def _read_stated(texts: pd.Series, missing: np.ndarray, stated: TimeFormat, name: str) -> Values:
     """Return times in the format that is stated; where most are not of it, that is a question."""
     if stated.order:
@@ -449,11 +413,11 @@ def _read_stated(texts: pd.Series, missing: np.ndarray, stated: TimeFormat, name
         column = read_dates(numbered, name, order, known_by=known_by)
     else:
         column = read_stated(texts, stated)
-    unreadable = ~missing & ~np.isfinite(column.seconds)
+    unreadable = ~missing & ~np.isfinite(column.numbers)
     if 2 * unreadable.sum() <= (~missing).sum():
-        return _times(column)
+        return column
     return replace(
-        _times(column),
+        column,
         note="not read",
         question=Question(
             f"The format is stated as {stated.text}; {int(unreadable.sum())} of "
