@@ -110,10 +110,6 @@ def _decays(
 def settling_constants(record: Record, motor: Motor) -> float:
     """Return how many slow time constants the longest stretch of steady load lasts.
 
-    Args:
-        record: Any record.
-        motor: Says which channel is the sink.
-
     Returns:
         Length of the stretch over the time constant in it [1]; inf where it has settled, 0 where
         there is no such stretch.

@@ -73,10 +73,6 @@ class Stretch:
 def frozen_stretches(record: Record, motor: Motor) -> tuple[Stretch, ...]:
     """Return where the winding temperature stands still though heat must have moved it.
 
-    Args:
-        record: Any record.
-        motor: Says which channel is the sink.
-
     Returns:
         The stretches in time order; none where the record is too short to tell.
     """
@@ -132,10 +128,6 @@ def hidden_above_top(record: Record, motor: Motor) -> float:
 
     The network is fitted to all but the samples at the highest reading, and tells how far they
     should have gone beyond it.
-
-    Args:
-        record: Any record.
-        motor: Says which channel is the sink.
 
     Returns:
         Hidden temperature [K]; 0 where no more than rounding and the network's own doubt explain.

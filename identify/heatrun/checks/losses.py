@@ -76,10 +76,6 @@ def _copper_and_total(record: Record, motor: Motor) -> tuple[np.ndarray, ...]:
 def copper_shares(record: Record, motor: Motor) -> tuple[np.ndarray, np.ndarray]:
     """Return the share of the copper loss in the total, block by block while current flows.
 
-    Args:
-        record: Any record.
-        motor: The machine.
-
     Returns:
         Times [s] and shares [1], shape (blocks,), infinite where the total is zero or less; empty
         without a balance or a resistance.

@@ -80,12 +80,7 @@ class Movement:
 
 
 def unexplained_movement(record: Record, motor: Motor) -> Movement | None:
-    """Return the first movement of the winding's reading that no heat explains, None if none is.
-
-    Args:
-        record: Any record.
-        motor: Says which channel is the sink and what the losses are.
-    """
+    """Return the first movement of the winding's reading that no heat explains, None if none is."""
     course = _course(record, motor)
     if course is None or not course.events(course.time_s.size):
         return None

@@ -174,13 +174,7 @@ def _not_covered(key: str, values: np.ndarray, time_s: np.ndarray, where: str) -
 
 
 def raster_note(axes: Sequence[Axis], time_s: np.ndarray, base: Axis | None) -> str:
-    """Return a sentence on how the channels came onto the common times.
-
-    Args:
-        axes: As `averaged`.
-        time_s: As `averaged`.
-        base: As `averaged`.
-    """
+    """Return a sentence on how the channels came onto the common times."""
     steps = ", ".join(
         f"{median_step_s(axis.time_s):g} s ({', '.join(axis.values)})" for axis in axes
     )

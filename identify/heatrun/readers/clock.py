@@ -250,11 +250,7 @@ def read_clock(cells: pd.Series, name: str = "time") -> Values:
 
 
 def read_days(cells: pd.Series) -> Values:
-    """Read durations of days and a clock; where no days stand, there are none.
-
-    Args:
-        cells: As `read_clock`.
-    """
+    """Read durations of days and a clock; where no days stand, there are none."""
     days = cells.str.extract(f"^{DAYS}$")
     clocks = days["clock"].fillna(cells)
     parts = clocks.str.extract(f"^{OF_DAY}$")

@@ -113,11 +113,7 @@ def read_whole_test(path: Path | str, motor: Motor) -> Record:
 
 
 def files_of(path: Path | str) -> tuple[tuple[Path, str | None], ...]:
-    """Return the files of a test as the command line names it, each with its sheet if it names one.
-
-    Args:
-        path: As `read_test`.
-    """
+    """Return the files of a test as the command line names it, each with the sheet it names."""
     text, _ = _with_stretch(str(path))
     files = []
     for part in (text,) if _exists(text) else text.split("+"):
@@ -127,11 +123,7 @@ def files_of(path: Path | str) -> tuple[tuple[Path, str | None], ...]:
 
 
 def has_rate(path: Path | str) -> bool:
-    """Return whether a file of a test carries its sampling rate behind it.
-
-    Args:
-        path: As `read_test`.
-    """
+    """Return whether a file of a test carries its sampling rate behind it."""
     text, _ = _with_stretch(str(path))
     parts = (text,) if _exists(text) else text.split("+")
     return any(RATE.match(part) for part in parts if not _exists(part))

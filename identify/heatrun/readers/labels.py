@@ -127,10 +127,6 @@ def rival_unit(label: str, quantity: str) -> str | None:
     Also one that may be part of the name, such as MW; but no single letter, no unit of a number in
     the name ("losses at 10 kW") no "amp", which is as often an amplitude, and no "uA", which may be
     the phase u.
-
-    Args:
-        label: As `named_unit`.
-        quantity: As `named_unit`.
     """
     named = named_unit(label, quantity)
     if named is None or COUNTED in named.doubt or named.unit.casefold() in ("amp", "ua"):
@@ -181,11 +177,7 @@ def words_in(label: str, quantity: str = "") -> str:
 
 
 def without_sure_unit(label: str) -> str:
-    """Return a label without a unit at its end that can be nothing else, for any quantity.
-
-    Args:
-        label: As `named_unit`.
-    """
+    """Return a label without a unit at its end that can be nothing else, for any quantity."""
     text = plain(label)
     parts = [found.span() for found in PARTS.finditer(text)][-4 * NUM_PARTS :]
     for rest, _ in _rests(text, parts):

@@ -73,11 +73,6 @@ def statements(column: Column) -> tuple[Stated, ...]:
 def unit_of(column: Column, channel: Channel, where: str) -> tuple[str | None, UnitSource]:
     """Return the unit text of a column that becomes a channel, and how it is known.
 
-    Args:
-        column: The column.
-        channel: What it becomes.
-        where: File and column, for the message.
-
     Returns:
         The text, None if nobody says.
 

@@ -151,10 +151,6 @@ REMEDY = "Save the signals as numeric vectors of one length: save('test.mat', 't
 def read_mat(data: bytes, where: str) -> Table:
     """Read a MAT file of versions 5 to 7.
 
-    Args:
-        data: The bytes of the file.
-        where: The file, for messages.
-
     Returns:
         Numeric vectors of one common length as columns, also those in structs
         (`log.winding_degC`) and cells, and the columns of matrices (`T(:,2)`); scalars as
@@ -185,10 +181,6 @@ def _plain(value: Value) -> Nested:
 
 def read_hdf5(data: bytes, where: str) -> Table:
     """Read a MAT file of version 7.3, or another HDF5 file with vectors in it or in its groups.
-
-    Args:
-        data: As `read_mat`.
-        where: As `read_mat`.
 
     Returns:
         As `read_mat`; units, scaling and marks of missing values that stand as attributes beside

@@ -56,9 +56,6 @@ a struct; for all others a plain string says of what kind they are."""
 def read_variables(data: bytes) -> dict[str, Value]:
     """Return the variables of a MATLAB 5 file.
 
-    Args:
-        data: The bytes of the file.
-
     Returns:
         By name the values, numbers as float64 in the shape that MATLAB shows.
 

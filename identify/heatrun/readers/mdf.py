@@ -88,10 +88,6 @@ REMOTE_MASTER = 8  # cg_flags: the times stand in another group
 def open_mdf(stream: BinaryIO, where: str) -> Iterator[Measurement]:
     """Open an MDF 4 file; its channels can be read until the context ends.
 
-    Args:
-        stream: The file, open for reading in binary.
-        where: The file, for messages.
-
     Raises:
         InputError: If asammdf is not installed, or the file is damaged, cut, of an older version
             or was not closed by its recorder.

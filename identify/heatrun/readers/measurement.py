@@ -128,10 +128,6 @@ def header_of(measurement: Measurement, columns: Columns) -> Header:
 
     A name that occurs once is its own; one that occurs in several groups becomes `group/name`, as
     does a name that `[columns]` writes so.
-
-    Args:
-        measurement: The file.
-        columns: `[columns]` of the motor file.
     """
     named = [part for _, text in lines_of(columns) for part in columns_named(text)]
     asked = {split_name(text)[0] for text in named} | set(named)

@@ -118,10 +118,6 @@ def read_measurement(
 def read_all(measurement: Measurement, *, where: str) -> Table:
     """Read every channel of numbers onto one time axis, under the names of the file.
 
-    Args:
-        measurement: The file.
-        where: The file, for messages.
-
     Returns:
         The table; channels faster than the slowest are averaged plainly, in the file's units.
 

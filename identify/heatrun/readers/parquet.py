@@ -21,10 +21,6 @@ NANOSECONDS = 1e-9
 def read_parquet(data: bytes, where: str) -> Table:
     """Read a Parquet table.
 
-    Args:
-        data: The bytes of the file.
-        where: The file, for messages.
-
     Returns:
         Numbers and truth values as columns, timestamps in seconds from the first one, durations
         in seconds; an index that pandas stored is a column like the others. Units and

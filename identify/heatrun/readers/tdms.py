@@ -91,10 +91,6 @@ NOT_CLOSED = 2**64 - 1
 def check_segments(stream: BinaryIO, where: str) -> tuple[Finding, ...]:
     """Check that the segments of a file follow each other to its end.
 
-    Args:
-        stream: The file, seekable.
-        where: The file, for messages.
-
     Returns:
         A finding if the recorder did not close its last segment.
 

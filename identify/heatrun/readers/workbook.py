@@ -98,10 +98,6 @@ class Sheet:
 def open_workbook(data: bytes, where: str) -> Iterator[tuple[Sheet, ...]]:
     """Open a workbook for the time of the context.
 
-    Args:
-        data: The bytes of the file.
-        where: The file, for messages.
-
     Returns:
         Its sheets in their order.
 

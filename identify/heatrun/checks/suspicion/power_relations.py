@@ -101,13 +101,7 @@ def _power(record: Record, name: str, phases: int) -> np.ndarray:
 
 
 def power_conflicts(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]:
-    """Return what is broken between electrical power, the shaft's, and the losses.
-
-    Args:
-        record: Any record.
-        motor: The machine.
-        is_strict: As `heatrun.checks.relations.conflicts`.
-    """
+    """Return what is broken between electrical power, the shaft's, and the losses."""
     name = _electrical(record, motor)
     has_shaft = "torque_Nm" in record and "speed_rpm" in record
     if not (has_shaft or "mechanical_power_W" in record):
@@ -265,12 +259,7 @@ def _with_width(columns: tuple[np.ndarray, ...], width_s: float) -> tuple:
 
 
 def speed_conflicts(record: Record, motor: Motor) -> list[Conflict]:
-    """Return what is broken between the speed, the rated speed and the vehicle's.
-
-    Args:
-        record: Any record.
-        motor: The machine.
-    """
+    """Return what is broken between the speed, the rated speed and the vehicle's."""
     found = []
     speed = samples(record, "speed_rpm")[1]
     if speed.size and motor.rated_speed_rpm:

@@ -72,10 +72,6 @@ class OneNode:
 def one_node(record: Record, motor: Motor) -> OneNode | None:
     """Fit one mass to a record.
 
-    Args:
-        record: Any record.
-        motor: Says which channel is the sink and what the losses are.
-
     Returns:
         The fit, or None where the record is too short, does not move, or is no such course.
     """
@@ -99,10 +95,6 @@ def one_node(record: Record, motor: Motor) -> OneNode | None:
 
 def unsettled(record: Record, motor: Motor) -> OneNode | None:
     """Fit one mass to a record that is too short to show its time constant.
-
-    Args:
-        record: Any record.
-        motor: As `one_node`.
 
     Returns:
         The capacity with the shortest time constant that is possible and the largest conductance,

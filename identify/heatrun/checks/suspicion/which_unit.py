@@ -123,12 +123,7 @@ def other_readings(record: Record, motor: Motor) -> Iterator[OtherReading]:
 
 
 def scaled_readings(record: Record, motor: Motor) -> Iterator[OtherReading]:
-    """Yield the record with powers and phase current both in thousands, or in thousandths.
-
-    Args:
-        record: Any record.
-        motor: The machine.
-    """
+    """Yield the record with powers and phase current both in thousands, or in thousandths."""
     read = {one.channel: one for one in record.mapping}
     names = [name for name in record.channels if name in CHANNEL and _is_read(name, read)]
     powers = [name for name in names if CHANNEL[name].quantity == "power"]

@@ -63,10 +63,6 @@ PIECES = re.compile(r"[\s,;|\"'()\[\]{}<>/:=_.-]+")
 def decode(data: bytes, where: str) -> tuple[str, str]:
     r"""Return the text with `\n` line ends, and the name of the encoding found.
 
-    Args:
-        data: The bytes of the file.
-        where: The file, for messages.
-
     Raises:
         InputError: If the bytes are no text in UTF-8, UTF-16, UTF-32 or one of `ENCODINGS`.
     """

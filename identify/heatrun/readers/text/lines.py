@@ -178,12 +178,7 @@ def _first_cells(body: bytes, ends: np.ndarray, layout: Layout) -> Callable[[int
 
 
 def restarted(lines: DataLines, where: str) -> list[Finding]:
-    """Return the finding about a header that stands among the data again, if any.
-
-    Args:
-        lines: What `data_lines` returned.
-        where: The file.
-    """
+    """Return the finding about a header that stands among the data again, if any."""
     if not lines.restarts:
         return []
     ends = (*lines.restarts, lines.numbers.size)
@@ -208,13 +203,7 @@ def restarted(lines: DataLines, where: str) -> list[Finding]:
 
 
 def ragged_lines(lines: DataLines, layout: Layout, where: str) -> list[Finding]:
-    """Return the finding about lines that were left out, if any.
-
-    Args:
-        lines: What `data_lines` returned.
-        layout: The layout of the text.
-        where: The file.
-    """
+    """Return the finding about lines that were left out, if any."""
     count = lines.ragged.size
     if count == 0:
         return []

@@ -260,13 +260,7 @@ class ColumnHead:
 
 
 def column_heads(layout: Layout, hints: Hints, where: str) -> list[ColumnHead]:
-    """Return what stands over each column of a text table.
-
-    Args:
-        layout: Its layout.
-        hints: What the motor file says about reading.
-        where: The file, for messages.
-    """
+    """Return what stands over each column of a text table."""
     remarks = units_of_remarks(layout.preamble, layout.names)
     heads = []
     for index in range(layout.width):

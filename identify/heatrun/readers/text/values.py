@@ -324,13 +324,7 @@ def unreadable_cells(values: Values, column: str, lines: np.ndarray, where: str)
 
 
 def doubtful(values: Values, column: str, where: str) -> Finding | None:
-    """Return the finding about times that were read in one of two ways, or None.
-
-    Args:
-        values: What was read.
-        column: Its name in the file.
-        where: The file.
-    """
+    """Return the finding about times that were read in one of two ways, or None."""
     if not values.doubt:
         return None
     return Finding(
