@@ -17,6 +17,7 @@ from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.rounding import rounding_step
 from ..record.samples import is_loaded, place, runs, samples, with_all_heat
+from ..record.stretch import windows, within
 from .advice import mask_line
 from .quick_fit import QuickFit, quick_fit
 from .time_axis import MAX_GAP_S, MAX_GAP_SHARE
@@ -137,18 +138,11 @@ def hidden_above_top(record: Record, motor: Motor) -> float:
     if step is None or step < LIVE_STEP_K:
         return 0.0
     top = float(winding.max())
-    first, past = runs(winding == top)
+    spans = windows(time_s, winding == top)
     # A single crest of a live reading is no top; thousands of runs are flicker, not a cut.
-    if not 0 < first.size <= MAX_TOPS:
-        return 0.0
-    spans = [(float(time_s[a]), float(time_s[b - 1])) for a, b in zip(first, past, strict=True)]
-    fit = quick_fit(record, motor, left_out_s=spans)
-    if fit is None:
-        return 0.0
-    inside = np.zeros(fit.time_s.size, dtype=bool)
-    for from_s, to_s in spans:
-        inside |= (fit.time_s >= from_s) & (fit.time_s <= to_s)
-    if not inside.any():
+    fit = quick_fit(record, motor, left_out_s=spans) if len(spans) <= MAX_TOPS else None
+    inside = within(fit.time_s, spans) if fit else np.empty(0)
+    if fit is None or not inside.any():
         return 0.0
     hidden = float(np.max(fit.fitted_degC[inside])) - top
     return hidden if hidden > MOVED_STEPS * step + _doubt(fit, inside) else 0.0
@@ -226,19 +220,15 @@ def sensor_stuck(record: Record, motor: Motor) -> tuple[Finding, ...]:
     return tuple(found)
 
 
-def _flat_extreme(values: np.ndarray, extreme: float) -> tuple[np.ndarray, np.ndarray]:
-    """Long runs of samples at an extreme; none if the channel is not live elsewhere."""
-    at_extreme = values == extreme
+def _flat_top(values: np.ndarray, extreme: float) -> np.ndarray:
+    """Which samples stand in long runs at an extreme; none if the channel is not live elsewhere."""
+    at_extreme, flat = values == extreme, np.zeros(values.size, dtype=bool)
     changes = np.diff(values)[~(at_extreme[1:] & at_extreme[:-1])]
-    nothing = np.empty(0, dtype=int)
     if changes.size == 0 or np.mean(changes != 0.0) < LIVE_SHARE:
-        return nothing, nothing
-    first, past = runs(at_extreme)
-    long = past - first >= FLAT_RUN
-    first, past = first[long], past[long]
-    if (past - first).sum() < FLAT_SAMPLES:
-        return nothing, nothing
-    return first, past
+        return flat
+    for first, past in zip(*runs(at_extreme), strict=True):
+        flat[first:past] = past - first >= FLAT_RUN
+    return flat if flat.sum() >= FLAT_SAMPLES else np.zeros_like(flat)
 
 
 def saturation(record: Record, motor: Motor) -> tuple[Finding, ...]:
@@ -258,34 +248,13 @@ def saturation(record: Record, motor: Motor) -> tuple[Finding, ...]:
             is_rest = abs(extreme) < REST_SHARE * np.max(np.abs(values))
             if is_rest or (word == "lowest" and channel == "winding_degC"):
                 continue
-            first, past = _flat_extreme(values, extreme)
-            if first.size:
-                count = int((past - first).sum())
-                found.append(
-                    _flat(
-                        record,
-                        channel,
-                        word,
-                        extreme,
-                        count,
-                        float(time_s[first[0]]),
-                        float(time_s[past[-1] - 1]),
-                    )
-                )
+            flat = _flat_top(values, extreme)
+            if flat.any():
+                found.append(_flat(record, channel, word, extreme, time_s[flat]))
     time_s, winding = samples(record, "winding_degC")
     if hidden_above_top(record, motor) > 0.0:
-        top = np.flatnonzero(winding == winding.max())
-        found.append(
-            _flat(
-                record,
-                "winding_degC",
-                "highest",
-                float(winding.max()),
-                top.size,
-                float(time_s[top[0]]),
-                float(time_s[top[-1]]),
-            )
-        )
+        top = winding.max()
+        found.append(_flat(record, "winding_degC", "highest", top, time_s[winding == top]))
     of_winding = [one for one in found if "winding_degC" in one.where]
     is_stuck = bool(of_winding) and _sticks(record, motor)
     return tuple(one for one in found if not (is_stuck and one in of_winding))
@@ -313,21 +282,14 @@ def _sticks(record: Record, motor: Motor) -> bool:
     return False
 
 
-def _flat(
-    record: Record,
-    channel: str,
-    word: str,
-    extreme: float,
-    count: int,
-    from_s: float,
-    to_s: float,
-) -> Finding:
+def _flat(record: Record, channel: str, word: str, extreme: float, at_s: np.ndarray) -> Finding:
     unit = channel.rsplit("_", 1)[1]
+    from_s, to_s = float(at_s[0]), float(at_s[-1])
     return Finding(
         "saturation",
         "error" if channel == "winding_degC" else "warning",
-        f"The signal appears clipped at its {word} value {extreme:.6g} {unit} ({count} samples): "
-        "what lies beyond is missing from the fit.",
+        f"The signal appears clipped at its {word} value {extreme:.6g} {unit} ({at_s.size} samples)"
+        ": what lies beyond is missing from the fit.",
         place(record, channel, from_s, to_s),
         "Check the range of the amplifier and the logger."
         + (
@@ -337,7 +299,7 @@ def _flat(
         ),
         values={
             "extreme": float(extreme),
-            "num_samples": float(count),
+            "num_samples": float(at_s.size),
             "from_s": from_s,
             "to_s": to_s,
         },

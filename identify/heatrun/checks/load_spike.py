@@ -16,7 +16,7 @@ from ..record.channels import CHANNEL
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.samples import is_measured, place, runs, samples
-from ..record.stretch import bridge, windows
+from ..record.stretch import bridge, windows, within
 from ..record.units import find_unit
 from .advice import section_of, windows_text
 from .quick_fit import quick_fit
@@ -71,7 +71,7 @@ def load_spike(record: Record, motor: Motor) -> tuple[Finding, ...]:
         if not is_far.any():
             continue
         first, past = runs(is_far)
-        spans = [(float(time_s[a]), float(time_s[b - 1])) for a, b in zip(first, past, strict=True)]
+        spans = windows(time_s, is_far)
         largest = float(values[np.argmax(np.abs(values))])
         unit = find_unit(read[name].unit, CHANNEL[name].quantity) if name in read else None
         why = [_marker(largest / (unit.factor if unit else 1.0))]
@@ -125,14 +125,6 @@ def _beyond(values: np.ndarray) -> tuple[np.ndarray, float]:
     return size > tail[at], float(tail[at])
 
 
-def windows_mask(time_s: np.ndarray, spans: list[tuple[float, float]]) -> np.ndarray:
-    """Return which times lie in one of some windows, shape (time,)."""
-    inside = np.zeros(time_s.size, dtype=bool)
-    for low, high in spans:
-        inside |= (time_s >= low) & (time_s <= high)
-    return inside
-
-
 def _is_steady(values: np.ndarray, first: np.ndarray, past: np.ndarray, rest: float) -> bool:
     """Whether the load is the same before and after all bursts."""
     before = values[np.maximum(first - 1, 0)]
@@ -172,7 +164,7 @@ def _contradiction(
     )
     if time_s.size < 3:
         return ""
-    inside = windows_mask(time_s, spans)
+    inside = within(time_s, spans)
     if not inside.any() or inside.all():
         return ""
     quantity = CHANNEL[name].quantity

@@ -8,6 +8,7 @@ from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.rounding import rounding_step
 from ..record.samples import is_loaded, place, runs, samples, sink_channel, with_all_heat
+from ..record.stretch import windows
 from .advice import mask_line, use_line
 from .unexplained import WINDOWS_S, Movement, unexplained_movement
 
@@ -166,12 +167,6 @@ def _without_jump(record: Record, channel: str, at_s: float, is_lasting: bool) -
     return f" To leave its readings out: {mask_line(record, [(at_s, past)])}."
 
 
-def _spans(time_s: np.ndarray, first: np.ndarray, past: np.ndarray) -> list[tuple[float, float]]:
-    """Return first and last time of each run of samples [s]."""
-    ends = zip(first, past, strict=True)
-    return [(float(time_s[a]), float(time_s[b - 1])) for a, b in ends]
-
-
 def _open_circuit(temperature: np.ndarray) -> np.ndarray:
     """Where a temperature is a fault code that it leaps to, or one that no machine has."""
     is_code = np.zeros(temperature.size, dtype=bool)
@@ -206,33 +201,30 @@ def sensor_detached(record: Record, motor: Motor) -> tuple[Finding, ...]:
     time_s, winding = samples(record, "winding_degC")
     if time_s.size < 3 or _looks_like_kelvin(winding):
         return ()
-    found = []
     is_open = _open_circuit(winding)
     if is_open.any():
-        first, past = runs(is_open)
-        value = float(winding[first[0]])
-        found.append(
+        spans = windows(time_s, is_open)
+        (from_s, to_s), value = spans[0], float(winding[is_open][0])
+        return (
             Finding(
                 "sensor_detached",
                 "error",
                 f"Expected a winding temperature, got {value:.1f} °C, the reading of an open "
-                f"circuit ({int(is_open.sum())} samples in {first.size} stretches). Fitted, they "
+                f"circuit ({int(is_open.sum())} samples in {len(spans)} stretches). Fitted, they "
                 "would bias every parameter.",
-                place(record, "winding_degC", float(time_s[first[0]]), float(time_s[past[0] - 1])),
+                place(record, "winding_degC", from_s, to_s),
                 "Check the sensor and its line. To leave these readings out: "
-                f"{mask_line(record, _spans(time_s, first, past))}.",
+                f"{mask_line(record, spans)}.",
                 values={
                     "reading_degC": value,
                     "num_samples": float(is_open.sum()),
-                    "from_s": float(time_s[first[0]]),
-                    "to_s": float(time_s[past[0] - 1]),
+                    "from_s": from_s,
+                    "to_s": to_s,
                 },
-            )
+            ),
         )
-    if found:
-        return tuple(found)
     fallen = _fallen(record, motor)
-    return (*found, *((fallen,) if fallen else ()))
+    return (fallen,) if fallen else ()
 
 
 def _fallen(record: Record, motor: Motor) -> Finding | None:
