@@ -9,6 +9,7 @@ Does a reading stand still: a stuck sensor, or a channel at the end of its range
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -141,8 +142,7 @@ def hidden_above_top(record: Record, motor: Motor) -> float:
     spans = windows(time_s, winding == top)
     # A single crest of a live reading is no top; thousands of runs are flicker, not a cut.
     fit = quick_fit(record, motor, left_out_s=spans) if len(spans) <= MAX_TOPS else None
-    inside = within(fit.time_s, spans) if fit else np.empty(0)
-    if fit is None or not inside.any():
+    if fit is None or not (inside := within(fit.time_s, spans)).any():
         return 0.0
     hidden = float(np.max(fit.fitted_degC[inside])) - top
     return hidden if hidden > MOVED_STEPS * step + _doubt(fit, inside) else 0.0
@@ -168,7 +168,7 @@ LIVE_SHARE = 0.9
 samples differ from the one before [1]; set-points and rounded readings are not."""
 
 
-def sensor_stuck(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def sensor_stuck(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report a winding temperature that stands still though heat flows.
 
     An error if more than 2 K of movement are missing, or the stretch is as long as a gap that is an
@@ -176,18 +176,16 @@ def sensor_stuck(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """
     time_s, winding = samples(record, "winding_degC")
     if time_s.size > 2 and np.ptp(winding) == 0.0:
-        return (
-            Finding(
-                "sensor_stuck",
-                "error",
-                f"Expected a temperature that changes; all {time_s.size} samples read "
-                f"{winding[0]:.2f} °C: nothing can be fitted to them.",
-                place(record, "winding_degC", float(time_s[0]), float(time_s[-1])),
-                "Check the sensor, and which column is mapped as winding_degC.",
-                values={"reading_degC": float(winding[0]), "from_s": float(time_s[0])},
-            ),
+        yield Finding(
+            "sensor_stuck",
+            "error",
+            f"Expected a temperature that changes; all {time_s.size} samples read "
+            f"{winding[0]:.2f} °C: nothing can be fitted to them.",
+            place(record, "winding_degC", float(time_s[0]), float(time_s[-1])),
+            "Check the sensor, and which column is mapped as winding_degC.",
+            values={"reading_degC": float(winding[0]), "from_s": float(time_s[0])},
         )
-    found = []
+        return
     for stretch in frozen_stretches(record, motor):
         lasts_s = stretch.to_s - stretch.from_s
         is_harmful = (
@@ -200,24 +198,21 @@ def sensor_stuck(record: Record, motor: Motor) -> tuple[Finding, ...]:
             if stretch.is_live
             else f"by the heat balance it should change by {stretch.expected_K:.1f} K"
         )
-        found.append(
-            Finding(
-                "sensor_stuck",
-                "error" if is_harmful else "warning",
-                f"The reading is frozen at {stretch.reading_degC:.2f} °C for {lasts_s:.0f} s, but "
-                f"{expected}: these samples would bias the fit.",
-                place(record, "winding_degC", stretch.from_s, stretch.to_s),
-                "Check the sensor. To leave these readings out: "
-                f"{mask_line(record, [(stretch.from_s, stretch.to_s)])}.",
-                values={
-                    "reading_degC": stretch.reading_degC,
-                    "from_s": stretch.from_s,
-                    "to_s": stretch.to_s,
-                    "expected_K": stretch.expected_K,
-                },
-            )
+        yield Finding(
+            "sensor_stuck",
+            "error" if is_harmful else "warning",
+            f"The reading is frozen at {stretch.reading_degC:.2f} °C for {lasts_s:.0f} s, but "
+            f"{expected}: these samples would bias the fit.",
+            place(record, "winding_degC", stretch.from_s, stretch.to_s),
+            "Check the sensor. To leave these readings out: "
+            f"{mask_line(record, [(stretch.from_s, stretch.to_s)])}.",
+            values={
+                "reading_degC": stretch.reading_degC,
+                "from_s": stretch.from_s,
+                "to_s": stretch.to_s,
+                "expected_K": stretch.expected_K,
+            },
         )
-    return tuple(found)
 
 
 def _flat_top(values: np.ndarray, extreme: float) -> np.ndarray:
@@ -231,7 +226,7 @@ def _flat_top(values: np.ndarray, extreme: float) -> np.ndarray:
     return flat if flat.sum() >= FLAT_SAMPLES else np.zeros_like(flat)
 
 
-def saturation(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def saturation(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report flat tops: the extreme of a channel repeated as no live signal repeats it.
 
     A winding temperature that is rounded repeats values anyway; it is at the end of its range where
@@ -257,7 +252,7 @@ def saturation(record: Record, motor: Motor) -> tuple[Finding, ...]:
         found.append(_flat(record, "winding_degC", "highest", top, time_s[winding == top]))
     of_winding = [one for one in found if "winding_degC" in one.where]
     is_stuck = bool(of_winding) and _sticks(record, motor)
-    return tuple(one for one in found if not (is_stuck and one in of_winding))
+    yield from (one for one in found if not (is_stuck and one in of_winding))
 
 
 def _sticks(record: Record, motor: Motor) -> bool:

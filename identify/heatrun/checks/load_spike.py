@@ -8,6 +8,7 @@ does not, was not there.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -53,13 +54,12 @@ STEADY = 0.5
 draws more than its load, for a moment."""
 
 
-def load_spike(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def load_spike(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report samples of current, powers, torque, speed or voltage that no machine had.
 
     Told by a value far beyond all else of its channel that is a marker, that the recorded losses
     contradict, or whose heat the winding does not show.
     """
-    found = []
     read = {one.channel: one for one in record.mapping}
     for name in record.channels:
         if name not in CHANNEL or CHANNEL[name].quantity not in QUANTITIES:
@@ -83,25 +83,22 @@ def load_spike(record: Record, motor: Motor) -> tuple[Finding, ...]:
         step_s = float(np.median(np.diff(time_s)))
         lasts_s = float(np.sum(past - first)) * step_s
         times = f"{rounded(abs(largest) / rest)} times the next largest value" if rest else ""
-        found.append(
-            Finding(
-                "load_spike",
-                "error",
-                f"{name} reads {largest:.6g} {CHANNEL[name].unit} for {lasts_s:.3g} s"
-                f"{f', {times}' if times else ''}: {', and '.join(why)}.",
-                place(record, name, spans[0][0], spans[-1][1]),
-                f"To run straight over it: {section_of(record)} bridge = {windows_text(spans)} in "
-                "the motor file. Find out what the logger writes for a value that is not valid.",
-                values={
-                    "largest": largest,
-                    "times_the_next": abs(largest) / rest if rest else math.inf,
-                    "num_samples": float(np.sum(is_far)),
-                    "from_s": spans[0][0],
-                    "to_s": spans[-1][1],
-                },
-            )
+        yield Finding(
+            "load_spike",
+            "error",
+            f"{name} reads {largest:.6g} {CHANNEL[name].unit} for {lasts_s:.3g} s"
+            f"{f', {times}' if times else ''}: {', and '.join(why)}.",
+            place(record, name, spans[0][0], spans[-1][1]),
+            f"To run straight over it: {section_of(record)} bridge = {windows_text(spans)} in "
+            "the motor file. Find out what the logger writes for a value that is not valid.",
+            values={
+                "largest": largest,
+                "times_the_next": abs(largest) / rest if rest else math.inf,
+                "num_samples": float(np.sum(is_far)),
+                "from_s": spans[0][0],
+                "to_s": spans[-1][1],
+            },
         )
-    return tuple(found)
 
 
 def spike_windows(record: Record, finding: Finding) -> list[tuple[float, float]]:

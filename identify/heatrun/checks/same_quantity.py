@@ -8,7 +8,7 @@ in W, the other one tells.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,7 +108,7 @@ POWERS: tuple[Twice, ...] = (
 TWICE = (*_derived("phase_current_A", CURRENTS), *POWERS, *_derived("losses_W", THOUSANDS))
 
 
-def columns_disagree(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def columns_disagree(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report quantities that the columns of a record give twice and not alike.
 
     A warning beyond `AGREE`, an error beyond `REFUSED`: then a unit, a factor or a column is wrong,
@@ -116,7 +116,6 @@ def columns_disagree(record: Record, motor: Motor) -> tuple[Finding, ...]:
     shaft's power makes of their difference.
     """
     columns = {reading.channel: reading.column for reading in record.mapping}
-    found: list[Finding] = []
     told: set[str] = set()
     for twice in TWICE:
         given = twice.way.channel
@@ -126,9 +125,8 @@ def columns_disagree(record: Record, motor: Motor) -> tuple[Finding, ...]:
             continue
         finding = _compared(record, motor, twice, columns)
         if finding is not None:
-            found.append(finding)
+            yield finding
             told.add(given)
-    return tuple(found)
 
 
 def _compared(

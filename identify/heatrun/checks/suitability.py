@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from ..io.own_files import is_simulated
@@ -147,7 +147,7 @@ NEAR = 0.8
 """Likeness from which a name is one letter or two away from another."""
 
 
-def other_tests(motor: Motor, names: Iterable[str]) -> tuple[Finding, ...]:
+def other_tests(motor: Motor, names: Iterable[str]) -> Iterator[Finding]:
     """Return a finding for each `[tests.NAME]` that is for none of the tests.
 
     A motor file serves many tests of a machine, so that this is a note; a name that is nearly that
@@ -160,7 +160,6 @@ def other_tests(motor: Motor, names: Iterable[str]) -> tuple[Finding, ...]:
     given = tuple(dict.fromkeys(names))
     whole = {re.sub(r"_[0-9]+$", "", name) for name in given} | set(given)
     free = [name for name in given if name not in motor.tests]
-    found = []
     for name in motor.tests:
         if name in whole:
             continue
@@ -168,18 +167,15 @@ def other_tests(motor: Motor, names: Iterable[str]) -> tuple[Finding, ...]:
         meant = next((one for one in free if _is_nearly(name, one)), None)
         message = f"{header} of the motor file is for none of the tests that were given ("
         message += f"{', '.join(given)}): what it says of use and mask changes nothing here."
-        found.append(
-            Finding(
-                "other_test",
-                "warning" if meant else "note",
-                message,
-                remedy=f"Did you mean {table_header('tests', meant)}? The name is that of the file "
-                "without its ending."
-                if meant
-                else "Nothing need be done if it is for another test.",
-            )
+        yield Finding(
+            "other_test",
+            "warning" if meant else "note",
+            message,
+            remedy=f"Did you mean {table_header('tests', meant)}? The name is that of the file "
+            "without its ending."
+            if meant
+            else "Nothing need be done if it is for another test.",
         )
-    return tuple(found)
 
 
 def _is_nearly(written: str, name: str) -> bool:
@@ -191,19 +187,17 @@ def _is_nearly(written: str, name: str) -> bool:
     return is_like and re.findall("[0-9]+", one) == re.findall("[0-9]+", other)
 
 
-def simulated_by_heatrun(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def simulated_by_heatrun(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report a virtual record of heatrun's: its temperatures are a model's, and have no noise."""
     columns = (*record.unused, *(reading.column for reading in record.mapping))
     if not is_simulated(columns):
-        return ()
-    return (
-        Finding(
-            id="simulated_by_heatrun",
-            severity="warning",
-            message="Expected a measurement; the columns copper_loss_W, other_loss_W and flow_… "
-            "are those of a virtual record that heatrun simulated. A calibration on it gives back "
-            "the parameters that it was made with, and its intervals say nothing of a machine.",
-            where=record.name,
-            remedy="Name the bench file that the simulation was made from.",
-        ),
+        return
+    yield Finding(
+        id="simulated_by_heatrun",
+        severity="warning",
+        message="Expected a measurement; the columns copper_loss_W, other_loss_W and flow_… "
+        "are those of a virtual record that heatrun simulated. A calibration on it gives back "
+        "the parameters that it was made with, and its intervals say nothing of a machine.",
+        where=record.name,
+        remedy="Name the bench file that the simulation was made from.",
     )

@@ -341,12 +341,12 @@ def search_offset(log_likelihood: Callable[[float], float], offset_s: np.ndarray
         offset_s = np.linspace(offset_s[first], offset_s[last], NUM_TRIED)
 
 
-def stamp_sd_s(*steps_s: float) -> float:
-    """Return the standard uncertainty [s] of stamps in steps of loggers [s].
+def stamp_sd_s(step_s: float, other_s: float) -> float:
+    """Return the standard uncertainty [s] of the stamps of two loggers against each other.
 
     A stamp may mark the beginning, middle or end of its interval: uniform over one step each.
     """
-    return float(np.hypot(*steps_s)) / float(np.sqrt(12.0))
+    return float(np.hypot(step_s, other_s)) / float(np.sqrt(12.0))
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -161,6 +162,16 @@ class Courses:
                 yield channel, *line
 
 
+def _log_likelihood(
+    courses: Courses,
+    window_s: tuple[float, float],
+    weight: Mapping[str, float],
+    offset_s: float,
+) -> float:
+    lines = courses.lines(offset_s, window_s)
+    return sum(weight.get(name, 0.0) * _score(r) for name, r, _ in lines)
+
+
 def _refined(
     test: Record, reference: Record, channels: Sequence[str], start_s: float, grid_s: float
 ) -> tuple[float, float]:
@@ -175,19 +186,15 @@ def _refined(
         first_s, last_s = courses.overlap(centre_s)
         limit_s = LARGEST_RANGE * (last_s - first_s)
         half_s = min(half_s, limit_s)
-        window_s = (first_s + half_s, last_s - half_s)
-        weight = {
+        window_s: tuple[float, float] = (first_s + half_s, last_s - half_s)
+        weight: dict[str, float] = {
             name: residual.size / max(correlation(residual), courses.correlated[name])
             for name, r, residual in courses.lines(centre_s, window_s)
             if r > 0.0
         }
 
-        def log_likelihood(offset_s: float, window_s=window_s, weight=weight) -> float:
-            lines = courses.lines(offset_s, window_s)
-            return sum(weight.get(name, 0.0) * _score(r) for name, r, _ in lines)
-
         tried = np.linspace(centre_s - half_s, centre_s + half_s, NUM_TRIED)
-        found = search_offset(log_likelihood, tried)
+        found = search_offset(partial(_log_likelihood, courses, window_s, weight), tried)
         is_inside = abs(found.mean_s - centre_s) < 0.9 * half_s
         if (is_inside and MIN_RANGE_SD * found.sd_s <= half_s) or half_s >= limit_s:
             return found.mean_s, found.sd_s

@@ -6,7 +6,7 @@ One relation of physics that a record breaks.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -206,16 +206,15 @@ def _difference(
     return [Conflict("losses_disagree", sentence, ("losses_W", *channels), False, values)]
 
 
-def speed_conflicts(record: Record, motor: Motor) -> list[Conflict]:
+def speed_conflicts(record: Record, motor: Motor) -> Iterator[Conflict]:
     """Return what is broken between the speed, the rated speed and the vehicle's."""
-    found = []
     speed = samples(record, "speed_rpm")[1]
     if speed.size and motor.rated_speed_rpm:
         ratio = float(np.quantile(np.abs(speed), 0.99)) / motor.rated_speed_rpm
         if ratio > FAST_OVER_RATED:
             sentence = f"The speed reaches {rounded(ratio)} times rated_speed_rpm."
             values = {"speed_over_rated": ratio}
-            found.append(Conflict("too_quick", sentence, ("speed_rpm",), True, values))
+            yield Conflict("too_quick", sentence, ("speed_rpm",), True, values)
     if motor.gear_ratio and motor.wheel_radius_m:
         _, speed, vehicle = samples(record, "speed_rpm", "vehicle_speed_km_per_h")
         wheel = vehicle / 3.6 / motor.wheel_radius_m * 30.0 / math.pi * motor.gear_ratio
@@ -228,5 +227,4 @@ def speed_conflicts(record: Record, motor: Motor) -> list[Conflict]:
                 )
                 values = {"speed_over_wheel": ratio}
                 channels = ("speed_rpm", "vehicle_speed_km_per_h")
-                found.append(Conflict("wheel_disagrees", sentence, channels, False, values))
-    return found
+                yield Conflict("wheel_disagrees", sentence, channels, False, values)

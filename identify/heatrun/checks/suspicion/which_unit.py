@@ -236,7 +236,7 @@ FAMILIES = (
 SPOKEN = {"time_s": "the time", "speed_rpm": "the speed", "losses_W": "the losses"}
 
 
-def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def unit_suspected(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report relations between channels that the record breaks, and the units that would mend it.
 
     An error where a unit explains it that the motor file has not decided, else a warning; a note of
@@ -246,7 +246,7 @@ def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
     record = _thinned(record)
     broken = conflicts(record, motor)
     if not broken or any(f.severity == "error" for f in units_temperature(record, motor)):
-        return ()
+        return
     symptoms = _symptoms(record, motor)
     is_shown = one_node(record, motor) is not None
     is_whole = not OF_THE_SENSOR & {*symptoms} and unexplained_movement(record, motor) is None
@@ -273,7 +273,9 @@ def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
         # what another kind of cooling explains, and no unit, is the cooling
         told = (c for c in broken if not (c.is_odd or c.is_mild or c.id == "losses_below_copper"))
         broken = tuple(told)
-        return (_unexplained(record, broken),) if broken and not symptoms else ()
+        if broken and not symptoms:
+            yield _unexplained(record, broken)
+        return
     # two that one unit explains are no matter of cooling, nor of a machine without load
     is_alone = len({_family(id) for id in ids}) < 2
     is_giant = ids == {"too_large"} and _is_as_usual(record, motor, mending)
@@ -283,29 +285,20 @@ def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
     is_odd = is_odd and is_alone
     is_decided = all(one.is_decided for one in mending)
     asked = any(one.is_assumed for one in mending) if is_mild else not is_decided
-    otherwise = "note" if is_giant and is_decided else "warning"
-    severity = "error" if asked and not is_odd else otherwise
+    lesser = "note" if is_giant and is_decided else "warning"
+    severity = "error" if asked and not is_odd else lesser
     if ids == {"losses_below_copper"} and severity == "warning":
-        return ()  # the check of that name tells it, as an error
+        return  # the check of that name tells it, as an error
     left = "note" if is_giant else "warning"
     sentences = [_supposed(one) for one in mending]
-    return (
-        Finding(
-            "unit_suspected",
-            severity,
-            f"{_told(broken, is_alone)} {_list(sentences)}",
-            place(record, broken[0].channels[0], float(samples(record)[0][0])),
-            " ".join(
-                [
-                    _remedy(mending, record, severity, left=left),
-                    *(c.otherwise for c in broken if c.otherwise and is_mild and not is_odd),
-                ]
-            ),
-            values={
-                **_figures(broken),
-                **_factors(mending),
-            },
-        ),
+    otherwise = [c.otherwise for c in broken if c.otherwise and is_mild and not is_odd]
+    yield Finding(
+        "unit_suspected",
+        severity,
+        f"{_told(broken, is_alone)} {_list(sentences)}",
+        place(record, broken[0].channels[0], float(samples(record)[0][0])),
+        " ".join([_remedy(mending, record, severity, left=left), *otherwise]),
+        values=_figures(broken) | _factors(mending),
     )
 
 
@@ -344,7 +337,7 @@ def _symptoms(record: Record, motor: Motor) -> list[str]:
     return [check.__name__ for check in SYMPTOMS if _is_shown(check(record, motor))]
 
 
-def _is_shown(found: bool | Sequence[Finding]) -> bool:
+def _is_shown(found: bool | Iterator[Finding]) -> bool:
     return found if isinstance(found, bool) else any(one.severity == "error" for one in found)
 
 
