@@ -65,12 +65,7 @@ BETTER = 0.7
 
 
 def cooling_constants(record: Record, motor: Motor) -> tuple[float, ...]:
-    """Return the time constants of a cool-down [s], the fastest first: two, one or none.
-
-    Args:
-        record: Without load throughout.
-        motor: Says which channel is the sink.
-    """
+    """Return the time constants of a cool-down [s], the fastest first: two, one or none."""
     time_s, winding, sink = samples(record, "winding_degC", sink_channel(motor))
     width_s = float(np.ptp(time_s)) / 400.0 if time_s.size else 0.0
     if width_s <= 0.0:

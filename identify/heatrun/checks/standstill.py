@@ -225,12 +225,7 @@ def _rise(temperature: np.ndarray, ohm: np.ndarray, linear: float = 0.0) -> Rise
 
 
 def current_scale_unchecked(motor: Motor, records: Sequence[Record]) -> Iterator[Finding]:
-    """Return the note that no test can show an error of the current's scale; empty if one can.
-
-    Args:
-        motor: The machine.
-        records: All tests of a calibration.
-    """
+    """Yield the note that no test of a calibration can show an error of the current's scale."""
     has_copper_loss = motor.phase_resistance_ohm is not None or "Rs0" in motor.parameters
     if not has_copper_loss or any(any(standstill_losses(record, motor)) for record in records):
         return

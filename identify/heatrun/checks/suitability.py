@@ -30,10 +30,9 @@ DOUBTS = {id: FINDINGS[id].said for id in with_doubt("parameters", "inputs") if 
 
 
 def doubts(findings: Sequence[Finding]) -> dict[str, list[str]]:
-    """Return what is in doubt about the inputs, with the ids that say so.
+    """Return what is in doubt about the inputs of a record, with the ids that say so.
 
-    Args:
-        findings: About one record; only warnings count, since errors forbid a calibration.
+    Only warnings count, since errors forbid a calibration.
     """
     ids = {one.id for one in findings if one.severity == "warning"}
     found: dict[str, list[str]] = {}
@@ -131,9 +130,6 @@ def as_holdout(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
     """Return the findings of a record as they stand where nothing is fitted to it.
 
     A winding that does not warm forbids a fit, and is no obstacle to a prediction.
-
-    Args:
-        findings: Of the record, as `check_record` returns them.
     """
     return tuple(
         replace(each, severity="warning", message=LITTLE, remedy="")
@@ -148,14 +144,10 @@ NEAR = 0.8
 
 
 def other_tests(motor: Motor, names: Iterable[str]) -> Iterator[Finding]:
-    """Return a finding for each `[tests.NAME]` that is for none of the tests.
+    """Yield a finding for each `[tests.NAME]` for none of the tests, whose parts end in `_1`, `_2`.
 
     A motor file serves many tests of a machine, so that this is a note; a name that is nearly that
     of a test is a warning, for then a part or a mask is not used that was meant to be.
-
-    Args:
-        motor: The machine.
-        names: Of the records; parts of a test end in `_1`, `_2` and so on.
     """
     given = tuple(dict.fromkeys(names))
     whole = {re.sub(r"_[0-9]+$", "", name) for name in given} | set(given)

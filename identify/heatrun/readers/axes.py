@@ -36,11 +36,7 @@ class Axis:
 
 
 def axes_of(series: Mapping[str, Series], where: str) -> list[Axis]:
-    """Return the series by their times, in the order in which they came.
-
-    Args:
-        series: Column name to its samples and times.
-        where: The file, for messages.
+    """Return series, by the name of their column, by their times, in the order in which they came.
 
     Raises:
         InputError: If some have times and others not, lengths differ without times, or there is
@@ -89,11 +85,8 @@ def common_times(
 ) -> tuple[np.ndarray, Axis | None]:
     """Return the common times [s], shape (time,), and the axis whose own they are, if any.
 
-    Args:
-        axes: The axes.
-        lead: The axis whose samples must not be multiplied; None for the slowest.
-        raster_s: Step of the common times [s]; None for the times of that axis.
-        where: The file, for messages.
+    They are those of the axis whose samples must not be multiplied, the slowest where none leads;
+    or at steps of `raster_s` [s].
 
     Raises:
         InputError: If times do not increase, or the step is finer than the leading axis.

@@ -101,10 +101,7 @@ def parse_time_format(text: str) -> TimeFormat | None:
 def stated_format(name: str, label: str, unit: str | None) -> tuple[str, TimeFormat | None]:
     """Return the label of a column and the format of times that its header states, if any.
 
-    Args:
-        name: Name of the column as it stands in the file.
-        label: The name without what is known to be a unit.
-        unit: Its unit text, or None.
+    The label is the name in the file without what is known to be a unit.
     """
     if unit is not None:
         return label, parse_time_format(unit)
@@ -214,9 +211,8 @@ def read_stated(cells: pd.Series, stated: TimeFormat) -> Values:
 def read_clock(cells: pd.Series, name: str = "time") -> Values:
     """Read `m:ss.s` and `h:mm:ss.s`, also mixed; `a:b` only where it can be but one of two.
 
-    Args:
-        cells: Texts without blanks around them, shape (time,).
-        name: Name of the column, for the answers to a question.
+    Cells are texts without blanks around them, shape (time,); `name` is for the answers to a
+    question.
     """
     parts = cells.str.extract(f"^{CLOCK}$")
     hour = numbers(parts["hour"].fillna("0"))

@@ -401,16 +401,9 @@ def offset_of_response(response: Response, max_offset_s: float) -> ResponseOffse
 def best_rate(response: Response, max_offset_s: float) -> tuple[float, float]:
     """Return the clock rate that fits best, and its log likelihood over that of equal clocks.
 
-    The rate is chosen by plain squares, and both are then judged with the noise that the better one
-    leaves: the misfit of a wrong rate would pass as noise of its own.
-
-    Args:
-        response: The regression of the temperature on the drive.
-        max_offset_s: Largest offset [s].
-
-    Returns:
-        Seconds of the thermometer per second of the drive [1], and the gain; a rate of 1 and a gain
-        of 0 where no other rate fits better.
+    The rate, seconds of the thermometer per second of the drive [1], is chosen by plain squares,
+    and both are then judged with the noise that the better one leaves: the misfit of a wrong rate
+    would pass as noise of its own. It is 1 with a gain of 0 where no other fits better.
     """
     offsets = np.arange(-max_offset_s, max_offset_s + 0.5 * RATE_STEP_S, RATE_STEP_S)
 

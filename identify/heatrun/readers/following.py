@@ -253,12 +253,7 @@ def other_columns(path: Path, record: Record) -> dict[str, Other]:
 
 
 def others_of(table: Table, record: Record) -> dict[str, Other]:
-    """Return the columns of numbers of a table that are no channel, by name.
-
-    Args:
-        table: What was read of the file.
-        record: The test that was made of it.
-    """
+    """Return the columns of numbers of a table that are no channel of its record, by name."""
     held: Mapping[str, np.ndarray] = {
         column.name: column.values for column in table.columns if column.name in record.unused
     }

@@ -75,13 +75,7 @@ def reading(what: str, where: str) -> Iterator[None]:
 
 
 def damaged(what: str, where: str, problem: str) -> InputError:
-    """Return the error for a file that is damaged or cut.
-
-    Args:
-        what: As `reading`.
-        where: As `reading`.
-        problem: What is wrong with it.
-    """
+    """Return the error for a file of a format, as `reading`, that is damaged or cut."""
     first_line = problem.strip().splitlines()[0][:300] if problem.strip() else "no reason given"
     return InputError(
         f"Expected {what}, it could not be read ({first_line}).",

@@ -100,11 +100,7 @@ def read_test(path: Path | str, motor: Motor) -> Record:
 
 
 def read_whole_test(path: Path | str, motor: Motor) -> Record:
-    """Read a test as `read_test`, whatever parts of it the motor file uses.
-
-    Args:
-        path: As `read_test`, without a stretch.
-        motor: The machine.
+    """Read a test as `read_test` without a stretch, whatever parts of it the motor file uses.
 
     Raises:
         InputError: If a file cannot be read or the two cannot be joined.

@@ -45,13 +45,7 @@ PLAIN_AMPERES = frozenset((*AMPERE, *MILLIAMPERE, *KILOAMPERE))
 
 
 def line_of(channel: Channel, column: Column, unit: str | None = None) -> str:
-    """Return the line of a motor file that reads a column as a channel in a unit.
-
-    Args:
-        channel: What the column is to become.
-        column: The column.
-        unit: Unit text, None for the canonical one.
-    """
+    """Return the line of a motor file that reads a column as a channel, by default in its unit."""
     text = json.dumps(f"{column.name} [{unit or channel.unit}]", ensure_ascii=False)
     return f"[columns] {channel.name} = {text}"
 
@@ -166,13 +160,7 @@ def _by_general(column: Column, channel: Channel, where: str) -> tuple[str | Non
 
 
 def overridden(column: Column, channel: Channel, decided: str) -> Stated | None:
-    """Return the first statement of a file that `[columns]` decides against, or None.
-
-    Args:
-        column: The column.
-        channel: What it becomes.
-        decided: Unit text in `[columns]`.
-    """
+    """Return the first statement of a file that a unit in `[columns]` decides against, if any."""
     quantity = channel.quantity
     unit = find_unit(decided, quantity)
     rival = rival_unit(column.label, quantity)
@@ -329,14 +317,9 @@ class Assignment:
     def add_combined(
         self, name: str, text: str, how: str, columns: Sequence[Column], each: Sequence[Assignment]
     ) -> None:
-        """Take several columns for a channel.
+        """Take several columns for the channel `name`, each of them taken alone before.
 
-        Args:
-            name: What they become.
-            text: What `[columns]` says.
-            how: As `heatrun.record.channels.combine`.
-            columns: The columns.
-            each: Each of them, taken for the channel alone.
+        `text` is what `[columns]` says, `how` as `heatrun.record.channels.combine`.
         """
         readings = [reading for one in each for reading in one.readings]
         values = [one.channels[name] for one in each]
@@ -386,12 +369,6 @@ def _excludes(channels: Sequence[str]) -> bool:
 def doubt_of_kind(channel: Channel, column: Column, symbol: str, where: str) -> Finding | None:
     """Return the finding about a current that is read as rms and called an amplitude, or the other
     way round; None where nothing speaks against the reading.
-
-    Args:
-        channel: What the column becomes.
-        column: The column.
-        symbol: Its unit; of a d or q current the plain one is an amplitude.
-        where: File and column.
     """
     prefix = symbol.partition("_")[0]
     said = next((one for one in column.beside if one.scope == "kind"), None)
@@ -517,11 +494,7 @@ def describe_columns(record: Record) -> ReadColumns:
 
 
 def mapping_rows(mapping: Sequence[ColumnReading]) -> list[list[str]]:
-    """Return the rows of a table under `HEAD`; names too long for it are cut.
-
-    Args:
-        mapping: From `describe_mapping`.
-    """
+    """Return the rows of a table under `HEAD`; names too long for it are cut."""
     return [
         [
             row.channel,
@@ -535,11 +508,7 @@ def mapping_rows(mapping: Sequence[ColumnReading]) -> list[list[str]]:
 
 
 def mapping_text(tests: Sequence[Read]) -> str:
-    """Return aligned tables of columns and channels; tests that were read alike share one.
-
-    Args:
-        tests: Such as the tests of `fit.json`.
-    """
+    """Return aligned tables of columns and channels; tests that were read alike share one."""
     blocks = []
     for names, rows in grouped(tests):
         widths = [max(len(line[i]) for line in (HEAD, *rows)) for i in range(len(HEAD) - 1)]
@@ -555,11 +524,7 @@ def mapping_text(tests: Sequence[Read]) -> str:
 
 
 def grouped(tests: Sequence[Read]) -> list[tuple[str, list[list[str]]]]:
-    """Return names of tests that were read alike, with the rows of their table.
-
-    Args:
-        tests: As `mapping_text`; those without a mapping are left out.
-    """
+    """Return names of tests that were read alike, with the rows of their table, if any."""
     alike: dict[str, tuple[list[str], list[list[str]]]] = {}
     for test in tests:
         rows = mapping_rows(test.mapping)

@@ -280,11 +280,7 @@ def _reader(data: bytes, where: str, hints: Hints) -> Callable[[bytes, str], Tab
 
 
 def is_text_table(data: bytes, where: str) -> bool:
-    """Return whether a content is read as a text table, as its first bytes and its name say.
-
-    Args:
-        data: The content; its first kilobyte will do.
-        where: The file.
+    """Return whether a content, its first kilobyte will do, is read as a text table.
 
     Raises:
         InputError: If it is of a format that is not read at all.
@@ -342,12 +338,7 @@ def _time(
 
 
 def name_of_test(path: Path, sheet: str | None = None) -> str:
-    """Return the name of the test in a file, which figures, tables and messages print.
-
-    Args:
-        path: The file.
-        sheet: Sheet of a workbook that was asked for.
-    """
+    """Return the name of the test in a file, which figures, tables and messages print."""
     stem = _stem(path) if sheet is None else f"{_stem(path)}_{sheet}"
     # on the terminal a control character would act
     return "".join(c if c.isprintable() else "?" for c in stem)

@@ -53,8 +53,7 @@ SCALE = re.compile(r"NI_Scale\[(\d+)\]_Scale_Type")
 def scaling_refusal(properties: Sequence[Mapping[str, object]]) -> tuple[str, str] | None:
     """Return why the scaling of a channel cannot be trusted and what to do, None if it can.
 
-    Args:
-        properties: Of the channel, its group and the file; the first with scalings counts.
+    Of the properties of channel, group and file the first with scalings count.
     """
     for held in properties:
         found = {int(match[1]): str(kind) for name, kind in held.items()
@@ -167,12 +166,7 @@ def open_tdms(
     """Open a TDMS file; its channels can be read until the context ends.
 
     A channel has the times of its waveform properties, else those of a channel of times in its
-    group, else none. Dates count from the earliest of the file.
-
-    Args:
-        stream: The file, open for reading in binary.
-        where: The file, for messages.
-        columns: `[columns]` of the motor file; its `time_s` may name the channels of times.
+    group, which `[columns]` may name, else none. Dates count from the earliest of the file.
 
     Raises:
         InputError: If npTDMS is not installed, or the file is damaged or cut.

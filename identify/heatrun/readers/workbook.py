@@ -224,12 +224,7 @@ def _dense(held: dict[int, dict[int, str]]) -> tuple[tuple[str, ...], ...]:
 
 
 def as_text(value: Any, epoch: datetime) -> str:
-    """Return what a cell holds, as the text reader takes it.
-
-    Args:
-        value: What the library made of the cell.
-        epoch: Day 0 of the workbook.
-    """
+    """Return what a cell holds, as the text reader takes it; `epoch` is day 0 of the workbook."""
     if value is None:
         return ""
     if isinstance(value, bool):
@@ -289,15 +284,10 @@ PLAIN = re.compile(r"(?<![\w.,])-?[0-9]+e-?[0-9]+(?![\w.,])")
 
 
 def read_excel(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
-    """Read a sheet of a workbook.
+    """Read a sheet of a workbook, .xlsx or .xlsm.
 
     The sheet is the one that the test names (`FILE.xlsx#SHEET`) or that `[columns]` names
     (`"SHEET/COLUMN"`), else the one with the most channels that a fit needs.
-
-    Args:
-        data: The bytes of the file, .xlsx or .xlsm.
-        where: The file, for messages.
-        hints: What the motor file and the command say about reading.
 
     Returns:
         As `heatrun.readers.text.reader.read_text`; formulas with the values that the

@@ -211,11 +211,7 @@ LONGER = "Or the machine is large and so short a test shows its winding alone: a
 def conflicts(record: Record, motor: Motor, *, is_strict: bool = False) -> tuple[Conflict, ...]:
     """Return the relations that a record breaks.
 
-    Args:
-        record: Any record.
-        motor: The machine.
-        is_strict: Ask for what is usual, not only for what is possible: for a reading that is to
-            repair another.
+    Strictly asked, it must be usual, not only possible: for a reading that is to repair another.
     """
     return (
         *_length(record, is_strict),

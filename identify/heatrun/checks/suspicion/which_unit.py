@@ -82,9 +82,7 @@ class OtherReading:
 def other_readings(record: Record, motor: Motor) -> Iterator[OtherReading]:
     """Yield the record with each column, and each group of like columns, in each other unit.
 
-    Args:
-        record: Any record; where it does not tell how it was read, every channel counts as read.
-        motor: The machine.
+    Where a record does not tell how it was read, every channel counts as read.
     """
     read = {one.channel: one for one in record.mapping}
     names = [name for name in record.channels if name in CHANNEL and _is_read(name, read)]
@@ -303,15 +301,9 @@ def unit_suspected(record: Record, motor: Motor) -> Iterator[Finding]:
 
 
 def read_otherwise(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Motor]:
-    """Return record and motor as the unit that a finding asks about makes them.
+    """Return record and motor as the unit that a finding of `unit_suspected` asks about makes them.
 
-    Args:
-        record: The record.
-        motor: The machine.
-        finding: Of `unit_suspected`.
-
-    Returns:
-        The first of its suppositions; both as they are where it has none.
+    It is the first of its suppositions; both are as they are where it has none.
     """
     likely = next((name for name in finding.values if name.startswith("factor_")), None)
     for one in (*other_readings(record, motor), *scaled_readings(record, motor)):

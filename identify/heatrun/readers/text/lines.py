@@ -62,16 +62,11 @@ class DataLines:
 
 
 def data_lines(text: str, layout: Layout, where: str) -> DataLines:
-    r"""Return the lines of data; blank ones and lines of delimiters alone are no data.
+    """Return the lines of data; blank ones and lines of delimiters alone are no data.
 
     Between the data they are samples that are missing, like lines with another number of cells,
     and the numbers of the samples count them. Behind the data they are nothing: spreadsheets end
     in lines of delimiters alone.
-
-    Args:
-        text: The whole text, with `\n` line ends.
-        layout: Its layout.
-        where: The file, for messages.
 
     Raises:
         InputError: If there is no line of data, or too many have another number of cells.
@@ -126,12 +121,7 @@ def _footer(good: np.ndarray, word: Callable[[int], str]) -> list[int]:
 
 
 def is_whole(num_cells: np.ndarray, layout: Layout) -> np.ndarray:
-    """Return which lines have as many cells as the table is wide, shape (line,).
-
-    Args:
-        num_cells: Cells of each line, shape (line,).
-        layout: The layout of the text.
-    """
+    """Return which lines have as many cells as the table is wide, shape (line,)."""
     return (num_cells <= layout.width) & (num_cells >= layout.width - layout.num_optional)
 
 
@@ -141,12 +131,6 @@ def header_again(body: bytes, ends: np.ndarray, is_blank: np.ndarray, layout: La
     They are the line of names, word for word, and the lines around it that are blank or begin as
     a line above the table does: a logger writes them when it starts again. The units are the same
     then.
-
-    Args:
-        body: Lines with their ends.
-        ends: Where each line ends, shape (line,).
-        is_blank: Which lines hold nothing, shape (line,).
-        layout: The layout of the text.
     """
     found = np.zeros(ends.size, dtype=bool)
     first = _first_cells(body, ends, layout)
@@ -231,13 +215,7 @@ def _texts(body: bytes, ends: np.ndarray, ragged: np.ndarray) -> tuple[str, ...]
 
 
 def joined(body: bytes, ends: np.ndarray, good: np.ndarray) -> bytes:
-    """Return the good lines, copied by runs of them.
-
-    Args:
-        body: Lines with their ends.
-        ends: Where each line ends, shape (line,).
-        good: Which are wanted, shape (line,).
-    """
+    """Return the good lines, copied by runs of them."""
     starts = np.concatenate(([0], ends[:-1] + 1))
     change = np.flatnonzero(np.diff(good.astype(np.int8), prepend=0, append=0))
     runs = change.reshape(-1, 2)  # first line of each run, first line behind it
@@ -248,10 +226,6 @@ def count_by_pieces(body: bytes, delimiter: str) -> tuple[np.ndarray, ...]:
     """Return the end of each line, its number of cells, if all are empty, if it is blank.
 
     By pieces, since counting takes a dozen bytes for each one of the text.
-
-    Args:
-        body: Lines with their ends, in UTF-8.
-        delimiter: One of `heatrun.readers.text.layout.DELIMITERS`.
     """
     raw = np.frombuffer(body, dtype=np.uint8)
     found = []

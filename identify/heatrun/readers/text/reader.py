@@ -46,9 +46,7 @@ def with_missing_rows(
 ) -> dict[str, np.ndarray]:
     """Return channels with NaN where lines without a sample stand in the file.
 
-    Args:
-        channels: Canonical name to values, shape (time,) of the lines with a sample.
-        sample_numbers: Which sample each of these lines is, from 0, shape (time,).
+    `sample_numbers` says which sample each value of the channels is, from 0, shape (time,).
     """
     filled = {}
     for name, values in channels.items():
@@ -62,11 +60,7 @@ def missing_rows(
 ) -> Finding:
     """Return the finding about lines without a sample: how many, and where in time.
 
-    Args:
-        sample_numbers: As `with_missing_rows`; at least one number is left out.
-        rate_Hz: Sampling rate that time is made from [Hz], or None if the file has its own time.
-        time_s: Times of the lines with a sample [s], shape (time,), if the file has its own.
-        where: The file.
+    Of a file without times of its own the time is made from a rate [Hz].
     """
     steps = np.diff(sample_numbers)
     before = np.flatnonzero(steps > 1)
@@ -381,13 +375,8 @@ def _taken_as_decimal(question: Question, name: str, where: str) -> Finding:
 def parsed_cells(body: bytes, layout: Layout, where: str) -> pd.DataFrame:
     """Return the cells of lines of data; columns that are not all numbers stay texts.
 
-    Args:
-        body: Lines that all have the layout's number of cells, in UTF-8.
-        layout: How they are to be read.
-        where: The file, for messages.
-
     Raises:
-        InputError: If they cannot be split.
+        InputError: If the lines, which have the layout's number of cells, cannot be split.
     """
     try:
         return pd.read_csv(
@@ -452,11 +441,6 @@ class Rows:
 def form_of(data: bytes, where: str, hints: Hints) -> TextForm | None:
     """Return how a text table is laid out, or None if its encoding does not let it be cut.
 
-    Args:
-        data: The file from its start.
-        where: The file, for messages.
-        hints: What the motor file says about reading.
-
     Raises:
         InputError: If there is no table with a header and a line of numbers.
     """
@@ -470,12 +454,7 @@ def form_of(data: bytes, where: str, hints: Hints) -> TextForm | None:
 
 
 def further_rows(data: bytes, form: TextForm, where: str) -> Rows:
-    """Return the rows of some lines.
-
-    Args:
-        data: Whole lines of data, each with its line end.
-        form: What `form_of` returned for the beginning of the file.
-        where: The file, for messages.
+    """Return the rows of some whole lines of data, each with its line end.
 
     Raises:
         InputError: If the lines cannot be split into cells.

@@ -54,9 +54,6 @@ def signs_joined(text: str) -> str:
     """Return a table of blanks with the signs next to their digits.
 
     A minus alone may also be the mark of no value; where a plus stands apart, it is a sign, too.
-
-    Args:
-        text: The whole text.
     """
     is_apart = "+ " in text and PLUS_APART.search(text) is not None
     return BETWEEN_BLANKS.sub(r"\1", text) if is_apart else text
@@ -97,12 +94,7 @@ SURELY_DECIMAL = (
 
 
 def start_of_line(text: str, index: int) -> int:
-    r"""Return where a line begins.
-
-    Args:
-        text: With `\n` line ends.
-        index: Of the line, from 0; the text has it.
-    """
+    r"""Return where a line begins in a text with `\n` line ends, counted from 0."""
     offset = 0
     for _ in range(index):
         offset = text.find("\n", offset) + 1
@@ -110,14 +102,7 @@ def start_of_line(text: str, index: int) -> int:
 
 
 def is_unsettled(text: str, first_line: int, delimiter: str, decimal: str) -> bool:
-    r"""Return whether the decimal sign shows itself only where it may separate thousands.
-
-    Args:
-        text: The whole text, with `\n` line ends.
-        first_line: Index of the first line of data, from 0.
-        delimiter: What stands between the cells.
-        decimal: The sign that is taken as decimal.
-    """
+    """Return whether the decimal sign shows itself only where it may separate thousands."""
     edge = rf'\s"{re.escape(delimiter)}'
     cell = rf"(?:^|(?<=[{edge}]))(?:{{}})(?=[{edge}]|$)"
     if delimiter == decimal:  # within quotes alone
@@ -144,12 +129,7 @@ QUOTED_OR_SOLID = re.compile(r'"[^"]*"|\S+')
 
 
 def split_line(line: str, delimiter: str) -> list[str]:
-    """Return the cells of a line without quotes and outer blanks.
-
-    Args:
-        line: Without its line end.
-        delimiter: One of `DELIMITERS`.
-    """
+    """Return the cells of a line without quotes and outer blanks."""
     if delimiter == " ":
         if '"' not in line:
             return line.split()
@@ -278,12 +258,7 @@ def read_values(
 
 
 def unsettled_cells(cells: pd.Series, decimal: str) -> Question | None:
-    """Return the question of a column of texts whose sign may separate thousands, or None.
-
-    Args:
-        cells: One column, all texts.
-        decimal: The sign that may be decimal.
-    """
+    """Return the question of a column of texts whose sign may separate thousands, or None."""
     texts = cells.dropna().astype(str).str.strip()
     open_cells = texts[texts.str.fullmatch(THOUSANDS_OR_DECIMALS[decimal])]
     if open_cells.empty:
@@ -302,11 +277,7 @@ def unsettled_cells(cells: pd.Series, decimal: str) -> Question | None:
 def unreadable_cells(values: Values, column: str, lines: np.ndarray, where: str) -> Finding | None:
     """Return the finding about the cells of a column that became NaN, or None.
 
-    Args:
-        values: What was read.
-        column: Its name in the file.
-        lines: Line number in the file of each sample, from 1, shape (time,).
-        where: The file.
+    `lines` are the line numbers in the file, from 1, shape (time,).
     """
     if values.unreadable is None or not values.unreadable.any():
         return None
