@@ -155,10 +155,7 @@ def shaft_explains(record: Record, motor: Motor) -> bool:
 def _shaft_error_W(record: Record, motor: Motor, *beside: str) -> np.ndarray:
     """Return the error of the mechanical power that a fit allows for [W], empty without a shaft.
 
-    Args:
-        record: Any record.
-        motor: Says how far torque and power may differ.
-        beside: Channels whose blocks these are to be.
+    It is in the blocks in which the channels `beside` are known.
     """
     shaft = recorded_shaft_power(record.channels)
     if shaft is None:

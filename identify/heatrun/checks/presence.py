@@ -180,12 +180,6 @@ def _without(record: Record, channel: str, first: np.ndarray, past: np.ndarray) 
 
     Readings of winding and bodies are not compared there, and all else is simulated through; what
     drives the model must be there, so that of other channels the parts between are used.
-
-    Args:
-        record: The record.
-        channel: What is missing.
-        first: First sample of each stretch.
-        past: One past its last.
     """
     time_s = record.time_s
     if not first.size or channel == "time_s" or not np.isfinite(time_s).all():

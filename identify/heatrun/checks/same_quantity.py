@@ -177,12 +177,10 @@ def _compared(
 
 
 def _meaning(ratio: float, twice: Twice, room: float) -> str:
-    """Return what the ratio would mean, empty where it is near no known factor.
+    """Return what the ratio of a column to what was computed would mean, empty if it is no known
+    factor.
 
-    Args:
-        ratio: Of the column to what was computed [1].
-        twice: The quantity.
-        room: Share of what was computed that may be the quantity at least [1]; 1 for all of it.
+    Of what was computed the quantity may be a share at least; 1 for all of it.
     """
     if ratio < 0.0:
         return f"one of the two has the other sign: {twice.way.channel} or the powers"

@@ -203,10 +203,7 @@ def _by_losses(record: Record, motor: Motor) -> Rise | None:
 def _rise(temperature: np.ndarray, ohm: np.ndarray, linear: float = 0.0) -> Rise | None:
     """Fit a line to blocks; scatter lasts, as that of a sensor that lags: it counts in full.
 
-    Args:
-        temperature: Of the winding [degC], shape (blocks,).
-        ohm: Its resistance [ohm], shape (blocks,).
-        linear: What instruments may be off between small and large values [1].
+    `linear` is what instruments may be off between small and large values [1].
     """
     if temperature.size < FEWEST_BLOCKS:
         return None

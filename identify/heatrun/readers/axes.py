@@ -116,12 +116,8 @@ def averaged(
 ) -> tuple[dict[str, np.ndarray], tuple[Finding, ...]]:
     """Return all channels at the common times, and what the averaging could not cover.
 
-    Args:
-        axes: The axes.
-        own: For each of them its channels in canonical units, shape (time,) of the axis.
-        time_s: Common times [s], shape (time,).
-        base: The axis that has these times, whose channels stay as they are; None for none.
-        where: The file, for messages.
+    `own` are the channels of each axis in canonical units; those of `base`, the axis that has the
+    common times if one has, stay as they are.
     """
     channels: dict[str, np.ndarray] = {}
     findings = []

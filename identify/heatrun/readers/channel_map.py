@@ -166,11 +166,7 @@ def _texts_for_numbers(mapping: Assignment, table: Table) -> list[Finding]:
 
 
 def require(record: Record, channels: Sequence[str] = REQUIRED) -> None:
-    """Check that a record has channels.
-
-    Args:
-        record: The test.
-        channels: Canonical names; by default those that a fit needs.
+    """Check that a record has channels, by default those that a fit needs.
 
     Raises:
         InputError: Naming the missing channels, what the file has and how to map them.

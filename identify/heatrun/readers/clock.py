@@ -63,10 +63,8 @@ class TimeFormat:
 
 
 def parse_time_format(text: str) -> TimeFormat | None:
-    """Return the format that a text states, or None if it states none.
-
-    Args:
-        text: Such as `"hh:mm"`, `"[h]:mm:ss"`, `"min:s"` or `"%d.%m.%Y %H:%M:%S"`.
+    """Return the format that a text states, such as `"[h]:mm:ss"` or `"%d.%m.%Y %H:%M:%S"`, or
+    None.
 
     Example:
         >>> parse_time_format("hh:mm").spoken
@@ -181,12 +179,7 @@ Times = partial(Values, is_time=True)
 
 
 def read_stated(cells: pd.Series, stated: TimeFormat) -> Values:
-    """Read clock times in the format that the header or `[columns]` states, and in no other.
-
-    Args:
-        cells: As `read_clock`.
-        stated: The format, of a clock.
-    """
+    """Read clock times in the format that the header or `[columns]` states, and in no other."""
     parts = cells.str.extract(f"^{_pattern(stated)}$")
     seconds = np.zeros(len(cells))
     for index, part in enumerate(stated.parts):

@@ -112,11 +112,9 @@ class Response:
     pairs: np.ndarray
 
     def columns(self, offset_s: float, rate: float = 1.0) -> np.ndarray:
-        """Return all regressors at an offset, shape (blocks, lag * heat + lag + 1).
-
-        Args:
-            offset_s: What is added to the drive's clock to give the thermometer's [s].
-            rate: Seconds of the thermometer per second of the drive [1].
+        """Return all regressors, shape (blocks, lag * heat + lag + 1), at an offset [s] that is
+        added to the drive's clock, and a rate in seconds of the thermometer per second of the drive
+        [1].
         """
         begin = self.middle_s - offset_s - 0.5 * self.width_s - self.heats.start_s
         position = np.stack([begin, begin + self.width_s]) / (rate * self.heats.step_s)
@@ -130,15 +128,9 @@ class Response:
         return np.hstack([lagged.T, decays, np.ones((self.middle_s.size, 1))])
 
     def fit(self, columns: np.ndarray, whitening: Whitening, *, without_heat: bool = False) -> Fit:
-        """Regress the temperature on the best pair of lags.
+        """Regress the temperature on the pair of lags of `columns` with the least whitened squares.
 
-        Args:
-            columns: From `columns`, shape (blocks, regressors).
-            whitening: What makes the residuals independent.
-            without_heat: Leave the drive out, as a base to compare with.
-
-        Returns:
-            The fit with the least sum of whitened squares.
+        Without the drive's heat it is a base to compare with.
         """
         level = float(np.mean(self.mean_degC))
         X, y = whitening(columns), whitening(self.mean_degC - level)
@@ -213,17 +205,10 @@ class Fit:
 def prepare_response(
     time_s: np.ndarray, temperature_degC: np.ndarray, heats: Heats, max_offset_s: float
 ) -> Response:
-    """Reduce a temperature to blocks and integrate the lagged heats.
+    """Reduce a temperature [degC] over time [s] to blocks, and integrate the lagged heats.
 
-    Args:
-        time_s: Increasing times on the thermometer's clock [s], shape (time,).
-        temperature_degC: Winding temperature [degC], shape (time,).
-        heats: What the drive logged.
-        max_offset_s: Largest offset in both directions [s]; blocks that lack the drive at any of
-            them are left out, or the fits could not be compared.
-
-    Returns:
-        The regression, with no block where the logs overlap too little.
+    Blocks that lack the drive at any offset up to the largest [s], in both directions, are left
+    out, or the fits could not be compared: where the logs overlap too little none is left.
     """
     duration_s = float(time_s[-1] - time_s[0])
     width_s = max(float(np.median(np.diff(time_s))), duration_s / MAX_BLOCKS)
@@ -325,8 +310,7 @@ def search_offset(log_likelihood: Callable[[float], float], offset_s: np.ndarray
 
     Args:
         log_likelihood: Of an offset [s], up to a constant.
-        offset_s: What is tried first, increasing [s], shape (tried,); fine enough to show each
-            peak.
+        offset_s: What is tried first, increasing [s]; fine enough to show each peak.
     """
     is_at_edge: bool | None = None
     while True:

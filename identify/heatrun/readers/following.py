@@ -75,13 +75,7 @@ class Conversion:
 
     @classmethod
     def of(cls, record: Record, motor: Motor | None, heads: Sequence[ColumnHead]) -> Conversion:
-        """Take how a record came about.
-
-        Args:
-            record: Read from the beginning of the file.
-            motor: The machine that it was read for, or None.
-            heads: What stands over the columns of the file.
-        """
+        """Take how a record that was read from the beginning of a file came about."""
         origins = {
             one.channel: origin
             for one in record.mapping
@@ -99,15 +93,10 @@ class Conversion:
     def channels(
         self, rows: Rows, last_s: float, shift_s: float
     ) -> tuple[dict[str, np.ndarray], float]:
-        """Return the channels of rows, and what their times are shifted by.
+        """Return the channels of rows, shape (row,), and what their times are shifted by [s].
 
-        Args:
-            rows: The first of them is the last one that is known already.
-            last_s: Time of that one [s]; NaN if it has none.
-            shift_s: What was added to the times of the file so far [s].
-
-        Returns:
-            Canonical name to values, shape (row,), the first included, and the shift [s].
+        The first row is the last one that is known already, at `last_s` [s], NaN if it has no time;
+        `shift_s` was added to the times of the file so far.
         """
         found = {
             name: _values(name, origin, rows)
@@ -147,12 +136,8 @@ def _values(channel: str, origin: Origin, rows: Rows) -> np.ndarray:
 
 
 def agrees(found: Mapping[str, np.ndarray], record: Record, num_rows: int) -> bool:
-    """Return whether further rows are what the record holds at its end.
-
-    Args:
-        found: From `Conversion.channels`, shape (row,).
-        record: Read from the whole file.
-        num_rows: So many rows from the end are held against each other.
+    """Return whether channels of further rows, shape (row,), are what the record of the whole file
+    holds in so many rows at its end.
     """
     return all(
         name in found
@@ -165,11 +150,7 @@ def agrees(found: Mapping[str, np.ndarray], record: Record, num_rows: int) -> bo
 
 
 def is_steady(time_s: np.ndarray) -> bool:
-    """Return whether times go on as a clock does.
-
-    Args:
-        time_s: Times [s], shape (row,), the last known one in front.
-    """
+    """Return whether times [s], the last known one in front, go on as a clock does."""
     steps = np.diff(time_s[np.isfinite(time_s)])
     return bool(np.all((steps >= 0.0) & (steps <= LONGEST_STEP_S)))
 
@@ -199,12 +180,7 @@ class GrowingColumns:
         return sum(held.nbytes for held in self._held.values())
 
     def add(self, rows: Mapping[str, np.ndarray], num_rows: int) -> None:
-        """Add rows.
-
-        Args:
-            rows: By column, shape (new,); a column that is not there gets NaN.
-            num_rows: How many.
-        """
+        """Add rows by column, shape (new,); a column that is not there gets NaN."""
         end = self._num_rows + num_rows
         for name, held in self._held.items():
             if end > held.size:
@@ -240,11 +216,9 @@ class Other:
 
 
 def other_columns(path: Path, record: Record) -> dict[str, Other]:
-    """Return the columns of numbers of a file that are no channel, by name.
+    """Return the columns of numbers of a record's file that are no channel, by name.
 
-    Args:
-        path: The file that the record was read from.
-        record: The test; columns that are not on its time axis are left out.
+    Those that are not on its time axis are left out.
 
     Raises:
         InputError: If the file cannot be read.
@@ -338,9 +312,6 @@ class FollowedTest:
 
     def look(self, opener: Opener) -> Followed:
         """Return the test with what was written since the last look.
-
-        Args:
-            opener: Opens the file for reading.
 
         Raises:
             InputError: If there is no table in it yet, it cannot be opened, or is no text.

@@ -20,12 +20,7 @@ class BrokenFileError(Exception):
 
 
 def library(name: str, what: str, where: str) -> Any:
-    """Return a library that is installed with an extra of heatrun's, which is called as the format.
-
-    Args:
-        name: Of its module.
-        what: The format, such as `"MDF"`.
-        where: The file, for messages.
+    """Return a module that is installed with the extra of heatrun's called as the format.
 
     Raises:
         InputError: If it is not installed.

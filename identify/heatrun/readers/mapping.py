@@ -118,12 +118,8 @@ def _binding(column: Column, quantity: str) -> tuple[Stated, ...]:
 def _agrees(first: Stated, second: Stated, quantity: str, *, may_refine: bool) -> bool:
     """Return whether two statements mean the same unit.
 
-    Args:
-        first: One of them.
-        second: The other.
-        quantity: Of both.
-        may_refine: The first is a part of the name: a plain A in it says nothing of rms or peak,
-            so that a unit that does is no contradiction.
+    Where the first is a part of the name, a plain A in it says nothing of rms or peak, so that a
+    unit that does is no contradiction.
     """
     one, other = find_unit(first.text, quantity), find_unit(second.text, quantity)
     if one == other:
@@ -269,15 +265,10 @@ class Assignment:
         *,
         is_decided: bool = False,
     ) -> None:
-        """Take a column for a channel and convert it.
+        """Take a column for a channel and convert it from its unit, None for the canonical one.
 
-        Args:
-            channel: What it becomes.
-            column: The column.
-            unit: Its unit text, None for the canonical unit.
-            source: Who says so, for the note.
-            unit_from: How the unit is known.
-            is_decided: `[columns]` itself gives the unit, whatever the file says.
+        `source` says who says so; where `is_decided` `[columns]` itself gives the unit, whatever
+        the file says.
 
         Raises:
             InputError: If the unit is not one of the channel's quantity, or the file leaves
@@ -465,13 +456,10 @@ class ReadColumns:
 
 
 def describe_mapping(record: Record) -> list[ColumnReading]:
-    """Return how each channel of a record came about, derived ones too.
+    """Return how each channel of a record came about, derived ones too, in the order of the
+    channels.
 
-    Args:
-        record: Any record; one that was made in memory has no columns.
-
-    Returns:
-        By channel; `found_by` says who says that it is this channel, or holds the formula.
+    `found_by` says who says that it is this channel, or holds the formula.
     """
     if not record.mapping:
         return []

@@ -58,9 +58,7 @@ class Leaf:
 def leaves(variables: Mapping[str, Nested], joint: str = ".") -> list[Leaf]:
     """Return every variable; a struct without any number is one itself.
 
-    Args:
-        variables: By name, as a reader found them.
-        joint: What stands between the names of a struct and of its field.
+    The joint stands between the names of a struct and of its field.
     """
     return [leaf for name, value in variables.items() for leaf in _leaves(name, name, value, joint)]
 
@@ -105,12 +103,7 @@ def _is_said(value: Nested) -> bool:
 
 
 def courses(leaf: Leaf, length: int) -> list[tuple[str, str, np.ndarray]] | None:
-    """Return name, heading and values of each column of a variable, None if it has no such.
-
-    Args:
-        leaf: The variable.
-        length: Number of samples.
-    """
+    """Return name, heading and values of each column of so many samples, None without one."""
     if isinstance(leaf.value, str):
         return None
     values = leaf.value.values
@@ -296,12 +289,8 @@ def table_of(
 ) -> Table:
     """Return the courses of one common length as columns, and scalars as constants.
 
-    Args:
-        variables: By name the numbers, the fields of a struct or a group, or what a variable is
-            instead.
-        reader: Format, for the record.
-        where: The file, for messages.
-        joint: What stands between the names of a struct and of its field.
+    Variables are numbers, the fields of a struct or a group, or what a variable is instead; the
+    joint stands between the names of a struct and of its field.
 
     Raises:
         InputError: If there is no numeric vector.

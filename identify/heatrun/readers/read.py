@@ -40,15 +40,7 @@ TDMS = (b"TDSm",)
 def opened(
     stream: BinaryIO, where: str, columns: Columns | None = None
 ) -> Iterator[Measurement | None]:
-    """Open a measurement file for the time of the context.
-
-    Args:
-        stream: Any file, seekable.
-        where: The file, for messages.
-        columns: `[columns]` of the motor file.
-
-    Returns:
-        The measurement; None for a file of another format.
+    """Open a measurement file for the time of the context; give None for a file of another format.
 
     Raises:
         InputError: If the file is a measurement and damaged, or the library for it is missing.
@@ -129,11 +121,6 @@ def read_raw(path: str | Path) -> Table:
 
 def read_whole(stream: BinaryIO, where: str, hints: Hints = NO_HINTS) -> Table:
     """Read an open bench file that is no measurement file, under its own column names.
-
-    Args:
-        stream: What `heatrun.io.open_file.open_input` gave.
-        where: The file, for messages.
-        hints: What the motor file says about reading it.
 
     Raises:
         InputError: As `read_raw`.

@@ -88,10 +88,7 @@ NOT_CLOSED = 2**64 - 1
 
 
 def check_segments(stream: BinaryIO, where: str) -> tuple[Finding, ...]:
-    """Check that the segments of a file follow each other to its end.
-
-    Returns:
-        A finding if the recorder did not close its last segment.
+    """Return a finding if the recorder did not close the last of the segments of a file.
 
     Raises:
         BrokenFileError: If a segment begins with anything else, or ends beyond the file.
@@ -224,9 +221,7 @@ def _check_lengths(file: Any, size: int) -> None:
 def _clock(group: Any, claimed: Mapping[str, str | None]) -> Clock:
     """Return the channel of times of a group whose channels have no waveform properties.
 
-    Args:
-        group: The group.
-        claimed: Labels that `[columns]` names, each with its unit or None.
+    `claimed` are the labels that `[columns]` names, each with its unit or None.
     """
     channels = group.channels()
     if all(_increment(channel) is not None for channel in channels):

@@ -82,10 +82,7 @@ class Sheet:
     opened: Any
 
     def lines(self, most: int | None = None) -> Lines:
-        """Return its cells.
-
-        Args:
-            most: So many rows at most, and then without merged cells.
+        """Return its cells; of so many rows at most, and then without merged cells.
 
         Raises:
             InputError: If the sheet is damaged, or holds more than memory is meant to.

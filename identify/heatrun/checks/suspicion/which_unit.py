@@ -355,13 +355,11 @@ def _kept(one: OtherReading, record: Record) -> set[str]:
 
 
 def _mends(one: OtherReading, left: set[str], is_shown: bool, may_be_mild: bool) -> bool:
-    """Whether nothing is broken any longer, and nothing unusual either.
+    """Whether nothing is broken any longer, and nothing unusual either but what was so and is
+    `left`.
 
-    Args:
-        one: The record, read otherwise.
-        left: Relations that are unusual as it was read and not in question: they may stay so.
-        is_shown: The record shows a time constant as it was read: then it must still do so.
-        may_be_mild: What another kind of cooling explains may stay broken.
+    Where the record showed a time constant as it was read, it must still do so; what another kind
+    of cooling explains may stay broken if it `may_be_mild`.
     """
     if is_shown and one_node(one.record, one.motor) is None:
         return False

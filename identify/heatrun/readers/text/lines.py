@@ -107,12 +107,7 @@ def data_lines(text: str, layout: Layout, where: str) -> DataLines:
 
 
 def _footer(good: np.ndarray, word: Callable[[int], str]) -> list[int]:
-    """Return the lines at the end of a table that begin with a word, as "Maximum;81.2;40.0".
-
-    Args:
-        good: Lines with as many cells as the table is wide, shape (line,).
-        word: What a line begins with.
-    """
+    """Return the lines at the end of a table that begin with a word, as "Maximum;81.2;40.0"."""
     rows = np.flatnonzero(good)
     if rows.size == 0 or word(rows[0]):
         return []

@@ -442,12 +442,9 @@ class Growth:
         return self._num_read
 
     def look(self, file: BinaryIO) -> Grown:
-        """Return what is new in the file.
+        """Return what is new in an open file, whose writer may go on meanwhile.
 
         After `"replaced"` the next look begins at the start.
-
-        Args:
-            file: Open for reading and seekable; the writer may go on meanwhile.
         """
         if self._num_read == 0:
             return self._read(file, "start")
