@@ -15,10 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..checks.time_axis import GAP_STEPS
 from ..errors import InputError
+from ..record.channels import CHANNEL
+from ..record.raster import means_around
 from ..record.record import Finding, Record
 from ..record.samples import is_measured, median_step, place, samples
+from .axes import RMS_QUANTITY
 from .clock_offset import (
     Heats,
     OffsetProfile,
@@ -50,11 +52,8 @@ def joined_channels(
     kept = is_measured(temperature_record.time_s)
     time_s = temperature_record.time_s[kept]
     drive_s = samples(drive_record)[0] + offset_s
-    # Next to a gap a temperature stands for no more than its usual time.
-    half = 0.5 * np.minimum(np.diff(time_s), GAP_STEPS * median_step(time_s))
-    begins = time_s - np.concatenate((half[:1], half))
-    ends = time_s + np.concatenate((half, half[-1:]))
-    common = (begins >= drive_s[0]) & (ends <= drive_s[-1])
+    half_s = 0.5 * median_step(time_s)
+    common = (time_s - half_s >= drive_s[0]) & (time_s + half_s <= drive_s[-1])
     if common.sum() < 2:
         raise InputError(
             f"Expected logs that overlap in time; with an offset of {offset_s:+.1f} s the drive "
@@ -67,7 +66,10 @@ def joined_channels(
     doubled = [name for name in drive_record.channels if name in channels and name != "time_s"]
     for name in drive_record.channels:
         if name not in channels:
-            channels[name] = _averaged(drive_record, name, offset_s, begins[common], ends[common])
+            own_s, values = samples(drive_record, name)
+            is_rms = name in CHANNEL and CHANNEL[name].quantity == RMS_QUANTITY
+            means = means_around(own_s + offset_s, values, time_s, is_rms=is_rms)
+            channels[name] = means[common]
     covered = time_s[common]
     cut_s = (
         covered[0] - time_s[0],
@@ -87,32 +89,6 @@ def joined_channels(
     if (dropped := int(np.sum(~kept))) > 0:
         notes.append(f"{dropped} temperature samples without a time are left out.")
     return channels, tuple(notes)
-
-
-def _averaged(
-    record: Record, name: str, offset_s: float, begins: np.ndarray, ends: np.ndarray
-) -> np.ndarray:
-    """Means of a drive's channel over intervals of the other clock; NaN where it has none.
-
-    Heat goes with the square of a current, so that rms values average as squares do.
-    """
-    time_s, values = samples(record, name)
-    if time_s.size < 2:
-        return np.full(begins.size, np.nan)
-    is_rms = name == "phase_current_A"
-    values = values**2 if is_rms else values
-    steps = np.diff(time_s)
-    # A gap is not bridged: the time in it counts as not covered.
-    bridged = np.where(steps <= GAP_STEPS * median_step(time_s), steps, 0.0)
-    area = np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * bridged)))
-    cover = np.concatenate(([0.0], np.cumsum(bridged)))
-    clock = time_s + offset_s
-    covered = np.interp(ends, clock, cover) - np.interp(begins, clock, cover)
-    # A thousandth of an interval is float dust of the sums, not a gap.
-    is_whole = covered > 0.999 * (ends - begins)
-    held = np.interp(ends, clock, area) - np.interp(begins, clock, area)
-    means = np.where(is_whole, held / np.where(is_whole, covered, 1.0), np.nan)
-    return np.sqrt(means) if is_rms else means
 
 
 METHOD = "thermal response of the winding to the drive's power"
