@@ -12,7 +12,7 @@ A record as it would be if one column were in another unit than it was read in.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -85,15 +85,12 @@ def other_readings(record: Record, motor: Motor) -> Iterator[OtherReading]:
     Where a record does not tell how it was read, every channel counts as read.
     """
     read = {one.channel: one for one in record.mapping}
-    names = [name for name in record.channels if name in CHANNEL and _is_read(name, read)]
-    for group in _groups(names):
+    for group in _groups(_columns(record, read)):
         quantity = CHANNEL[group[0]].quantity
         present = {_unit_of(name, read) for name in group}
-        if len(present) > 1:
-            continue
+        if len(present) > 1 or quantity == "temperature":
+            continue  # temperatures are told by value, see `heatrun.checks.units`
         (as_read,) = present
-        if quantity == "temperature":
-            continue  # told by value, see `heatrun.checks.units`
         alike = {(as_read.factor, as_read.offset)}  # Nmm says no more than mNm
         for unit in QUANTITIES[quantity]:
             factor = unit.factor / as_read.factor
@@ -102,93 +99,82 @@ def other_readings(record: Record, motor: Motor) -> Iterator[OtherReading]:
             if is_same or (is_near and unit.offset == as_read.offset):
                 continue
             alike.add((unit.factor, unit.offset))
-            other = _reread(record, motor, group, as_read, unit, read)
-            if any(_num_measured(other, name) < _num_measured(record, name) for name in group):
+            other = _otherwise(record, motor, dict.fromkeys(group, unit), factor)
+            if any(_num_measured(other.record, n) < _num_measured(record, n) for n in group):
                 continue  # beyond all measure, where no relation has a say
-            yield OtherReading(
-                tuple(group),
-                (unit.symbol,) * len(group),
-                factor,
-                other,
-                motor,
-                tuple(read[name] for name in group if name in read),
-                f"{' and '.join(group)} {'are' if len(group) > 1 else 'is'} in {unit.symbol}",
-            )
+            said = f"{' and '.join(group)} {'are' if len(group) > 1 else 'is'} in {unit.symbol}"
+            yield replace(other, sentence=said)
     if motor.phase_resistance_ohm is not None:
         for factor, sentence in RESISTANCES:
-            other = replace(motor, phase_resistance_ohm=factor * motor.phase_resistance_ohm)
-            yield OtherReading((), (), factor, record, other, (), sentence)
+            right = replace(motor, phase_resistance_ohm=factor * motor.phase_resistance_ohm)
+            yield OtherReading((), (), factor, record, right, (), sentence)
 
 
 def scaled_readings(record: Record, motor: Motor) -> Iterator[OtherReading]:
     """Yield the record with powers and phase current both in thousands, or in thousandths."""
     read = {one.channel: one for one in record.mapping}
-    names = [name for name in record.channels if name in CHANNEL and _is_read(name, read)]
-    powers = [name for name in names if CHANNEL[name].quantity == "power"]
-    currents = [name for name in names if CHANNEL[name].quantity == "phase current"]
-    if not powers or not currents:
+    like = _like(_columns(record, read))
+    names = (*like.get("power", ()), *like.get("phase current", ()))
+    if not {"power", "phase current"} <= like.keys():
         return
     for prefix, factor in (("k", 1e3), ("m", 1e-3)):
-        other, units = record, []
-        for name in (*powers, *currents):
-            as_read = _unit_of(name, read)
-            unit = find_unit(prefix + as_read.symbol, CHANNEL[name].quantity)
-            if unit is None:
-                break
-            other = _reread(other, motor, [name], as_read, unit, read)
-            units.append(unit.symbol)
-        if len(units) < len(powers) + len(currents):
-            continue
-        channels = (*powers, *currents)
-        yield OtherReading(
-            channels,
-            tuple(units),
-            factor,
-            other,
-            motor,
-            tuple(read[name] for name in channels if name in read),
-            " and ".join(f"{n} is in {u}" for n, u in zip(channels, units, strict=True)),
-        )
+        found = {
+            name: find_unit(prefix + _unit_of(name, read).symbol, CHANNEL[name].quantity)
+            for name in names
+        }
+        units = {name: unit for name, unit in found.items() if unit is not None}
+        if len(units) == len(names):
+            yield _otherwise(record, motor, units, factor)
 
 
-def _is_read(name: str, read: dict[str, ColumnReading]) -> bool:
-    """Whether a channel came from a file; a time from a sampling rate counts as read too."""
-    return not read or name in read or name == "time_s"
+def _columns(record: Record, read: Mapping[str, ColumnReading]) -> list[str]:
+    """Channels that came from a file; a time from a sampling rate counts as read too."""
+    known = [name for name in record.channels if name in CHANNEL]
+    return [name for name in known if not read or name in read or name == "time_s"]
 
 
-def _groups(names: Sequence[str]) -> list[list[str]]:
-    """Each channel alone, then all channels of one quantity: a bench writes all powers in kW."""
+def _like(names: Sequence[str]) -> dict[str, list[str]]:
+    """Channels by quantity: a bench writes all powers in kW."""
     like: dict[str, list[str]] = {}
     for name in names:
         like.setdefault(CHANNEL[name].quantity, []).append(name)
-    return [[name] for name in names] + [group for group in like.values() if len(group) > 1]
+    return like
 
 
-def _unit_of(name: str, read: dict[str, ColumnReading]) -> Unit:
+def _groups(names: Sequence[str]) -> list[list[str]]:
+    """Each channel alone, then all channels of one quantity."""
+    return [[name] for name in names] + [g for g in _like(names).values() if len(g) > 1]
+
+
+def _unit_of(name: str, read: Mapping[str, ColumnReading]) -> Unit:
     quantity = CHANNEL[name].quantity
     found = find_unit(read[name].unit, quantity) if name in read else None
     return found or QUANTITIES[quantity][0]
 
 
-def _reread(
-    record: Record,
-    motor: Motor,
-    names: Sequence[str],
-    as_read: Unit,
-    unit: Unit,
-    read: dict[str, ColumnReading],
-) -> Record:
-    """Return a record with columns in another unit, and what was derived from them anew."""
+def _otherwise(
+    record: Record, motor: Motor, units: Mapping[str, Unit], factor: float
+) -> OtherReading:
+    """The record with columns in other units, and what was derived from them anew."""
+    read = {one.channel: one for one in record.mapping}
     channels = dict(record.channels)
-    for name in names:
+    for name, unit in units.items():
+        as_read = _unit_of(name, read)
         raw = (np.asarray(channels[name], dtype=float) - as_read.offset) / as_read.factor
         channels[name] = to_canonical(raw, unit)
     if read:
-        given = read.keys() | constants_of(record.notes)
-        for name in formulas(channels, given):
+        for name in formulas(channels, read.keys() | constants_of(record.notes)):
             del channels[name]
         channels, _ = derive(channels, phases=motor.phases, losses=motor.losses)
-    return replace(record, channels=channels, findings=())
+    return OtherReading(
+        tuple(units),
+        tuple(unit.symbol for unit in units.values()),
+        factor,
+        replace(record, channels=channels, findings=()),
+        motor,
+        tuple(read[name] for name in units if name in read),
+        " and ".join(f"{name} is in {unit.symbol}" for name, unit in units.items()),
+    )
 
 
 def _num_measured(record: Record, name: str) -> int:
