@@ -72,9 +72,9 @@ def data_lines(text: str, layout: Layout, where: str) -> DataLines:
         InputError: If there is no line of data, or too many have another number of cells.
     """
     body = text[start_of_line(text, layout.first_line) :].encode() + b"\n"
-    ends, num_cells, is_empty, is_blank = count_by_pieces(body, layout.delimiter)
-    repeated = header_again(body, ends, is_blank, layout)
-    good = is_whole(num_cells, layout) & ~is_empty & ~repeated
+    ends, num_cells, is_empty, is_blank = _count_by_pieces(body, layout.delimiter)
+    repeated = _header_again(body, ends, is_blank, layout)
+    good = _is_whole(num_cells, layout) & ~is_empty & ~repeated
     footer = _footer(good, _first_cells(body, ends, layout))
     good[footer] = False
     ragged = ~good & ~is_empty & ~repeated
@@ -91,7 +91,7 @@ def data_lines(text: str, layout: Layout, where: str) -> DataLines:
     if good.all():
         return DataLines(body, numbers, numbers[ragged])
     texts = _texts(body, ends, ragged)
-    body = joined(body, ends, good)
+    body = _joined(body, ends, good)
     held = np.flatnonzero(~is_blank)
     is_double_spaced = held.size >= LEAST_SPACED and bool(np.all(np.diff(held) == 2))
     counted = ~repeated & (~is_blank if is_double_spaced else np.ones_like(good))
@@ -115,12 +115,14 @@ def _footer(good: np.ndarray, word: Callable[[int], str]) -> list[int]:
     return words if len(words) <= MOST_FOOTERS else []
 
 
-def is_whole(num_cells: np.ndarray, layout: Layout) -> np.ndarray:
+def _is_whole(num_cells: np.ndarray, layout: Layout) -> np.ndarray:
     """Return which lines have as many cells as the table is wide, shape (line,)."""
     return (num_cells <= layout.width) & (num_cells >= layout.width - layout.num_optional)
 
 
-def header_again(body: bytes, ends: np.ndarray, is_blank: np.ndarray, layout: Layout) -> np.ndarray:
+def _header_again(
+    body: bytes, ends: np.ndarray, is_blank: np.ndarray, layout: Layout
+) -> np.ndarray:
     """Return which lines among the data are the header again, shape (line,).
 
     They are the line of names, word for word, and the lines around it that are blank or begin as
@@ -209,7 +211,7 @@ def _texts(body: bytes, ends: np.ndarray, ragged: np.ndarray) -> tuple[str, ...]
     return tuple(body[starts[line] : ends[line]].decode()[:LONGEST_TEXT] for line in first)
 
 
-def joined(body: bytes, ends: np.ndarray, good: np.ndarray) -> bytes:
+def _joined(body: bytes, ends: np.ndarray, good: np.ndarray) -> bytes:
     """Return the good lines, copied by runs of them."""
     starts = np.concatenate(([0], ends[:-1] + 1))
     change = np.flatnonzero(np.diff(good.astype(np.int8), prepend=0, append=0))
@@ -217,7 +219,7 @@ def joined(body: bytes, ends: np.ndarray, good: np.ndarray) -> bytes:
     return b"".join([body[starts[first] : ends[last - 1] + 1] for first, last in runs])
 
 
-def count_by_pieces(body: bytes, delimiter: str) -> tuple[np.ndarray, ...]:
+def _count_by_pieces(body: bytes, delimiter: str) -> tuple[np.ndarray, ...]:
     """Return the end of each line, its number of cells, if all are empty, if it is blank.
 
     By pieces, since counting takes a dozen bytes for each one of the text.

@@ -1,8 +1,6 @@
 """Reader of CSV and other text tables, whatever delimiter, decimal sign and encoding they have.
 
 Lines of a table that hold no sample: where time is counted by lines, they count.
-
-Further rows of a text table whose layout is known: those that a bench has written since.
 """
 
 from __future__ import annotations
@@ -27,11 +25,7 @@ from .encoding import CODECS, decode
 from .layout import DELIMITERS, Layout, find_layout
 from .lines import (
     DataLines,
-    count_by_pieces,
     data_lines,
-    header_again,
-    is_whole,
-    joined,
     ragged_lines,
     restarted,
 )
@@ -401,91 +395,14 @@ def parsed_cells(body: bytes, layout: Layout, where: str) -> pd.DataFrame:
         ) from error
 
 
-@dataclass(frozen=True)
-class TextForm:
-    """How the rows of a text table are read, as its beginning has shown.
-
-    Attributes:
-        layout: Delimiter, decimal sign, number of cells.
-        heads: What stands over each column.
-        codec: Python's name of the encoding.
-        has_thousands: As `heatrun.readers.text.values.read_values`.
-    """
-
-    layout: Layout
-    heads: tuple[ColumnHead, ...]
-    codec: str
-    has_thousands: bool
-
-
-@dataclass(frozen=True)
-class Rows:
-    """Rows of a text table.
-
-    Attributes:
-        values: By the name of the column, in the unit of the file, shape (time,); a column without
-            a number in these rows is not there.
-        num_rows: How many they are.
-        num_lost: Lines with another number of cells, which hold no sample.
-        odd: Columns with a cell that is neither a number nor the mark of none.
-        last: The last of the lines, with its line end.
-    """
-
-    values: Mapping[str, np.ndarray]
-    num_rows: int
-    num_lost: int
-    odd: frozenset[str]
-    last: bytes
-
-
-def form_of(data: bytes, where: str, hints: Hints) -> TextForm | None:
-    """Return how a text table is laid out, or None if its encoding does not let it be cut.
+def head_of(data: bytes, where: str, hints: Hints) -> bytes | None:
+    """Return what stands above the data of a text table; None if its encoding cannot be cut there.
 
     Raises:
         InputError: If there is no table with a header and a line of numbers.
     """
     text, encoding = decode(data, where)
-    codec = CODECS.get(encoding.partition(" ")[0])
-    if codec is None:
+    if encoding.partition(" ")[0] not in CODECS:
         return None
-    layout = find_layout(text, where, hints.decimal)
-    heads = tuple(column_heads(layout, hints, where))
-    return TextForm(replace(layout, first_line=0), heads, codec, hints.decimal is not None)
-
-
-def further_rows(data: bytes, form: TextForm, where: str) -> Rows:
-    """Return the rows of some whole lines of data, each with its line end.
-
-    Raises:
-        InputError: If the lines cannot be split into cells.
-    """
-    text = data.decode(form.codec, "replace").replace("\r\n", "\n").replace("\r", "\n")
-    body = text.encode()
-    ends, num_cells, is_empty, is_blank = count_by_pieces(body, form.layout.delimiter)
-    is_data = ~is_empty & ~header_again(body, ends, is_blank, form.layout)
-    good = is_whole(num_cells, form.layout) & is_data
-    num_lost = int(np.count_nonzero(~good & is_data))
-    if not good.any():
-        return Rows({}, 0, num_lost, frozenset(), b"")
-    lines = joined(body, ends, good)
-    cells = parsed_cells(lines, form.layout, where)
-    values, odd = _values(cells, form)
-    last = lines[lines.rfind(b"\n", 0, -1) + 1 :]
-    return Rows(values, int(good.sum()), num_lost, odd, last)
-
-
-def _values(cells: pd.DataFrame, form: TextForm) -> tuple[dict[str, np.ndarray], frozenset[str]]:
-    found: dict[str, np.ndarray] = {}
-    odd = set()
-    for index, head in enumerate(form.heads):
-        read = read_values(
-            cells.iloc[:, index], form.layout.decimal, name=head.name, stated=head.stated,
-            has_thousands=form.has_thousands,
-        )  # fmt: skip
-        if isinstance(read, str):
-            odd |= {head.name} if read else set()
-            continue
-        if read.unreadable is not None and read.unreadable.any():
-            odd.add(head.name)
-        found.setdefault(head.name, read.numbers)
-    return found, frozenset(odd)
+    first = find_layout(text, where, hints.decimal).first_line
+    return b"".join(line + b"\n" for line in data.split(b"\n", first)[:first])
