@@ -216,21 +216,23 @@ EFFECTIVE = re.compile(r"rms|(?:^|[^a-z])eff(?![a-z])|effekt", re.IGNORECASE)
 
 
 @dataclass
-class Assignment:
-    """What is mapped so far; filled during one call of `map_columns` and then left.
+class MappedColumns:
+    """The canonical channels of one file; filled during one call of `map_columns` and then left.
 
     Attributes:
         where: The file, for messages.
         taken: Canonical name to its column.
-        channels: Canonical name to values in the canonical unit, shape (time,).
+        channels: Canonical name to float64 in the canonical unit, shape (time,).
         excluded: Canonical names that no column may become.
-        notes: One sentence for each channel.
-        findings: Doubts about columns.
+        notes: What was mapped from where, and with which unit.
+        findings: Doubts about the mapping.
         readings: How each column became its channel.
         parts: Canonical name to the columns that it combines, where it does.
         refused: Name of a column to the reason why it is no channel, whatever it looks like.
         decided: Channels whose unit `[columns]` itself gives.
         absent: Identities of columns whose zeros stand for what was not recorded.
+        unused: Columns that became no channel.
+        rate_Hz: Sampling rate that `[columns]` gives in place of a time column [Hz], or None.
     """
 
     where: str
@@ -244,6 +246,17 @@ class Assignment:
     refused: dict[str, str] = field(default_factory=dict)
     decided: set[str] = field(default_factory=set)
     absent: set[int] = field(default_factory=set)
+    unused: tuple[str, ...] = ()
+    rate_Hz: float | None = None
+
+    @property
+    def start(self) -> str:
+        """When the times begin, as `Column.start`."""
+        return self.taken["time_s"].start if "time_s" in self.taken else ""
+
+    def names(self, channel: str) -> tuple[str, ...]:
+        """Return the names of the columns that a channel is made of."""
+        return tuple(one.name for one in self.parts.get(channel, [self.taken[channel]]))
 
     @property
     def used(self) -> set[int]:
@@ -306,7 +319,12 @@ class Assignment:
             self.findings += [letter] if letter else []
 
     def add_combined(
-        self, name: str, text: str, how: str, columns: Sequence[Column], each: Sequence[Assignment]
+        self,
+        name: str,
+        text: str,
+        how: str,
+        columns: Sequence[Column],
+        each: Sequence[MappedColumns],
     ) -> None:
         """Take several columns for the channel `name`, each of them taken alone before.
 

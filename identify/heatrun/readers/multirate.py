@@ -71,7 +71,7 @@ def read_measurement(
             header = replace(header, time=None)
         mapped = map_columns(header.table(1, zeros=zeros), columns, where=where, is_part=is_part)
         # The winding first: messages about an axis name its first channel.
-        order = sorted(mapped.columns, key=lambda channel: channel != OUTPUT)
+        order = sorted(mapped.taken, key=lambda channel: channel != OUTPUT)
         needed = dict.fromkeys(name for channel in order for name in mapped.names(channel))
         needed = [name for name in needed if name in header.channels and name not in series]
         if not needed:
@@ -87,7 +87,7 @@ def read_measurement(
         table = header.table(axis.time_s.size, axis.values, zeros, axis.time_s)
         filled = map_columns(table, columns, where=where, is_part=is_part)
         own.append({
-            key: filled.channels[key] for key in filled.columns
+            key: filled.channels[key] for key in filled.taken
             if all(name in axis.values for name in filled.names(key))
         })  # fmt: skip
     _refuse_parts_apart(mapped, own, where)
@@ -102,7 +102,7 @@ def read_measurement(
         channels, found_gaps = averaged(axes, own, time_s, base, where)
         findings = (*found_gaps, *_late_products(channels, follow, where))
         notes = (*notes, raster_note(axes, time_s, base))
-    if "time_s" not in channels and "time_s" in mapped.columns:
+    if "time_s" not in channels and "time_s" in mapped.taken:
         channels = {"time_s": time_s} | channels
     about = replace(
         header.table(time_s.size), reader=measurement.reader, findings=measurement.findings
@@ -110,8 +110,8 @@ def read_measurement(
     return about, replace(
         mapped,
         channels=channels,
-        notes=(*mapped.notes, *notes),
-        findings=(*mapped.findings, *findings),
+        notes=[*mapped.notes, *notes],
+        findings=[*mapped.findings, *findings],
     )
 
 
@@ -155,10 +155,11 @@ def _refuse_parts_apart(
     mapped: MappedColumns, own: Sequence[Mapping[str, np.ndarray]], where: str
 ) -> None:
     """Refuse a mean of sensors that were not sampled together."""
-    for channel, parts in mapped.parts.items():
+    for channel in mapped.parts:
         if all(channel not in channels for channels in own):
+            names = ", ".join(mapped.names(channel))
             raise InputError(
-                f"The channels {', '.join(parts)} of {channel} have different times.",
+                f"The channels {names} of {channel} have different times.",
                 where=where,
                 remedy="Combine channels of one rate, or name one of them.",
             )
@@ -170,7 +171,7 @@ def _zeros(series: Mapping[str, Series]) -> set[str]:
 
 def _require_readable(header: Header, mapped: MappedColumns, where: str) -> None:
     """Refuse a needed channel that is not read as numbers."""
-    named = [(channel, name) for channel in mapped.columns for name in mapped.names(channel)]
+    named = [(channel, name) for channel in mapped.taken for name in mapped.names(channel)]
     for channel, name in named:
         stored = header.channels.get(name)
         if stored is None:

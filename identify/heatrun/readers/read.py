@@ -179,7 +179,7 @@ def read_record(
                 unused = (
                     f"raster_s = {motor.raster_s:g} is for MDF and TDMS; the file keeps its times."
                 )
-                mapped = replace(mapped, notes=(*mapped.notes, unused))
+                mapped.notes.append(unused)
     channels = dict(mapped.channels)
     time_s, origin_s, time_notes, missing = _time(mapped, table, rate_Hz, where)
     if time_s.size > table.num_rows and table.sample_numbers is not None:
@@ -208,8 +208,8 @@ def read_record(
         ),
         findings=tuple(replace(finding, test=test) for finding in findings),
         unused=mapped.unused,
-        mapping=mapped.readings,
-        decided=mapped.decided,
+        mapping=tuple(mapped.readings),
+        decided=frozenset(mapped.decided),
         origin_s=origin_s,
         start=start or headed.day,
         start_from=CLOCK if start else HEADER if headed.day else "",
