@@ -67,34 +67,31 @@ GZIP = b"\x1f\x8b"
 HDF5 = b"\x89HDF\r\n\x1a\n"
 NETCDF3 = (b"CDF\x01", b"CDF\x02")
 HDF5_OFFSET = 512  # MATLAB writes its own header of this size in front
+EXPECTED = "Expected CSV, MAT, Parquet, MDF, TDMS or Excel"
+AS_CSV, UNPACKED = "Export the recording as CSV; only gzip is unpacked.", "Unpack it first."
 OTHER_FORMATS = {
-    b"\xd0\xcf\x11\xe0": "an old spreadsheet, or one with a password",
-    b"MDF     ": "a packed MDF measurement file",
-    b"UnFinMF ": "a packed MDF measurement file",
-    b"TDSm": "a packed TDMS measurement file",
-    b"TDSh": "the index of a TDMS file",
-    b"\x80\x04": "a Python pickle",
-    b"\x80\x05": "a Python pickle",
-    b"%PDF": "a PDF document",
-    b"\xfd7zXZ\x00": "an xz archive",
-    b"CDF\x05": "a netCDF file with 64-bit data",
-    b"BZh": "a bzip2 archive",
-    b"SQLite format 3": "an SQLite data base",
-    b"\x28\xb5\x2f\xfd": "a zstd archive",
-    b"7z\xbc\xaf\x27\x1c": "a 7z archive",
-    b"Rar!": "a RAR archive",
-}
-"""First bytes of files that are no table for heatrun, and what they are."""
-
-REMEDIES = {
-    b"\xd0\xcf\x11\xe0": "Save it as .xlsx without a password.",
-    b"MDF     ": "Unpack it first.",
-    b"UnFinMF ": "Unpack it first.",
-    b"TDSm": "Unpack it first.",
-    b"TDSh": "Give the TDMS file itself.",
-    b"CDF\x05": "Convert it to netCDF 4, for example by: nccopy -k nc4 OLD.nc NEW.nc",
-}
-"""What to do about them; for all others, export the recording as CSV."""
+    b"\xd0\xcf\x11\xe0": (
+        "an old spreadsheet, or one with a password", "Save it as .xlsx without a password."
+    ),
+    b"MDF     ": ("a packed MDF measurement file", UNPACKED),
+    b"UnFinMF ": ("a packed MDF measurement file", UNPACKED),
+    b"TDSm": ("a packed TDMS measurement file", UNPACKED),
+    b"TDSh": ("the index of a TDMS file", "Give the TDMS file itself."),
+    b"\x80\x04": ("a Python pickle", AS_CSV),
+    b"\x80\x05": ("a Python pickle", AS_CSV),
+    b"%PDF": ("a PDF document", AS_CSV),
+    b"\xfd7zXZ\x00": ("an xz archive", AS_CSV),
+    b"CDF\x05": (
+        "a netCDF file with 64-bit data",
+        "Convert it to netCDF 4, for example by: nccopy -k nc4 OLD.nc NEW.nc",
+    ),
+    b"BZh": ("a bzip2 archive", AS_CSV),
+    b"SQLite format 3": ("an SQLite data base", AS_CSV),
+    b"\x28\xb5\x2f\xfd": ("a zstd archive", AS_CSV),
+    b"7z\xbc\xaf\x27\x1c": ("a 7z archive", AS_CSV),
+    b"Rar!": ("a RAR archive", AS_CSV),
+}  # fmt: skip
+"""First bytes of files that are no table for heatrun, what they are, and what to do about them."""
 
 
 def read_raw(path: str | Path) -> Table:
@@ -226,13 +223,9 @@ def _read_bytes(data: bytes, where: str, hints: Hints) -> Table:
 
 def _reader(data: bytes, where: str, hints: Hints) -> Callable[[bytes, str], Table]:
     """Return the reader for a content; imported here since each loads a large library."""
-    for start, kind in OTHER_FORMATS.items():
+    for start, (kind, remedy) in OTHER_FORMATS.items():
         if data.startswith(start):
-            raise InputError(
-                f"Expected CSV, MAT, Parquet, MDF, TDMS or Excel, got {kind}.",
-                where=where,
-                remedy=REMEDIES.get(start, "Export the recording as CSV; only gzip is unpacked."),
-            )
+            raise InputError(f"{EXPECTED}, got {kind}.", where=where, remedy=remedy)
     if data.startswith(BLF):
         raise no_signals("BLF", where)
     if data.startswith(ZIP):

@@ -45,34 +45,12 @@ HEADER_ROWS = 40
 
 
 @dataclass(frozen=True)
-class Lines:
-    """The cells of a sheet.
-
-    Attributes:
-        rows: Texts by row and column, from the first row of the sheet on; columns that hold
-            nothing anywhere are left out.
-        uncalculated: The first cell whose formula has no value, or empty.
-    """
-
-    rows: tuple[tuple[str, ...], ...]
-    uncalculated: str = ""
-
-    @property
-    def text(self) -> str:
-        """The rows as lines with tabs between the cells."""
-        return "\n".join("\t".join(map(_quoted, row)) if any(row) else "" for row in self.rows)
-
-
-@dataclass(frozen=True)
 class Sheet:
-    """A sheet of an open workbook.
+    """A sheet of an open workbook of the library's.
 
     Attributes:
         name: As on its tab.
-        is_hidden: Whether the workbook hides it.
         where: The file, for messages.
-        book: The workbook.
-        opened: The library's own sheet.
     """
 
     name: str
@@ -81,8 +59,11 @@ class Sheet:
     book: Any
     opened: Any
 
-    def lines(self, most: int | None = None) -> Lines:
-        """Return its cells; of so many rows at most, and then without merged cells.
+    def lines(self, most: int | None = None) -> tuple[str, str]:
+        """Return its cells as lines with tabs between, and the first formula without a value.
+
+        Columns that hold nothing anywhere are left out. Of so many rows at most; then without
+        merged cells.
 
         Raises:
             InputError: If the sheet is damaged, or holds more than memory is meant to.
@@ -141,7 +122,7 @@ def _check(data: bytes, where: str) -> None:
         raise BrokenFileError(f"{size} bytes unpacked, more than the {LARGEST_BYTES} that are read")
 
 
-def _lines(sheet: Sheet, most: int | None) -> Lines:
+def _lines(sheet: Sheet, most: int | None) -> tuple[str, str]:
     from openpyxl.utils import get_column_letter
     from openpyxl.worksheet._reader import FORMULA_TAG, VALUE_TAG, WorkSheetParser
 
@@ -184,15 +165,13 @@ def _lines(sheet: Sheet, most: int | None) -> Lines:
                     f"more than the {MOST_ROWS} rows or {MOST_CELLS} cells that are read"
                 )
         merged = parser.merged_cells
-    if formulas and not uncalculated and _is_left_to_open(book):
+    if formulas and not uncalculated and getattr(book.calculation, "fullCalcOnLoad", False):
         # a program that leaves the calculation to Excel writes 0 into each
         uncalculated = formulas[0][0] if all(value == 0 for _, value in formulas) else ""
     _fill_names(held, merged)
-    return Lines(_dense(held), uncalculated)
-
-
-def _is_left_to_open(book: Any) -> bool:
-    return bool(getattr(book.calculation, "fullCalcOnLoad", False))
+    rows = _dense(held)
+    text = "\n".join("\t".join(map(_quoted, row)) if any(row) else "" for row in rows)
+    return text, uncalculated
 
 
 def _fill_names(held: dict[int, dict[int, str]], merged: Any) -> None:
@@ -296,15 +275,15 @@ def read_excel(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
     """
     with open_workbook(data, where) as sheets:
         sheet, others = _chosen(sheets, where, hints)
-        lines = sheet.lines()
-    if lines.uncalculated:
+        text, uncalculated = sheet.lines()
+    if uncalculated:
         raise InputError(
-            f"Cell {lines.uncalculated} of sheet '{sheet.name}' holds a formula whose value was "
+            f"Cell {uncalculated} of sheet '{sheet.name}' holds a formula whose value was "
             "never calculated.",
             where=where,
             remedy="Open the workbook in Excel or LibreOffice, save it there, and read it again.",
         )
-    table = _table(lines, _at(where, sheet, sheets), hints)
+    table = _table(text, _at(where, sheet, sheets), hints)
     columns = tuple(_asked_with_sheet(column, sheet.name, hints) for column in table.columns)
     findings = (*table.findings, *_other_sheets(sheet, others, where))
     notes = tuple(_readable(note) for note in table.notes)
@@ -312,9 +291,9 @@ def read_excel(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
     return replace(table, columns=columns, findings=findings, notes=notes, reader=reader)
 
 
-def _table(lines: Lines, where: str, hints: Hints) -> Table:
+def _table(text: str, where: str, hints: Hints) -> Table:
     # the mark in front settles the encoding
-    return read_text(f"\ufeff{lines.text}".encode(), where, hints, delimiters=("\t",))
+    return read_text(f"\ufeff{text}".encode(), where, hints, delimiters=("\t",))
 
 
 def _readable(note: str) -> str:
@@ -377,7 +356,7 @@ def _num_needed(sheet: Sheet, where: str, hints: Hints) -> int:
     Raises:
         InputError: If they are no table.
     """
-    table = _table(sheet.lines(PREVIEW_ROWS), where, hints)
+    table = _table(sheet.lines(PREVIEW_ROWS)[0], where, hints)
     columns = {claim.channel: claim.text for claim in hints.claims}
     try:
         found = map_columns(table, columns, where=where, is_part=True).channels

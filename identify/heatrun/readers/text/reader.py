@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -144,11 +144,18 @@ def read_text(
     findings = [*ragged_lines(body, layout, where), *restarted(body, where)]
     findings += _settings(layout, where)
     _refuse_units_between(body, layout, where)
-    heads = column_heads(layout, hints, where)
+    remarks = units_of_remarks(layout.preamble, layout.names)
     unreadable: list[np.ndarray] = []
     unsettled: dict[int, Question | None] = {}
-    for index, head in enumerate(heads):
-        named, name, label, unit, stated = head.named, head.name, head.label, head.unit, head.stated
+    for index in range(layout.width):
+        named = layout.names[index] if index < len(layout.names) else ""
+        name = named or f"column {index + 1}"
+        beside = (
+            *(Stated(cell, "the row of units") for row in layout.units if (cell := row[index])),
+            *(remarks[index] if index < len(remarks) else ()),
+        )
+        at = f"{where}, column {index + 1}"
+        label, unit, stated = _label_and_unit(name, beside, hints, at)
         cells = frame.iloc[:, index]
         values = read_values(
             cells, layout.decimal, name=name, stated=stated, has_thousands=hints.decimal is not None
@@ -188,7 +195,7 @@ def read_text(
                 unit,
                 values.numbers,
                 values.note,
-                head.beside,
+                beside,
                 question=values.question,
                 start=values.start,
             )
@@ -224,43 +231,6 @@ def read_text(
     return Table(
         tuple(columns), texts, {}, tuple(notes), tuple(findings), reader, body.sample_numbers
     )
-
-
-@dataclass(frozen=True)
-class ColumnHead:
-    """What stands over a column.
-
-    Attributes:
-        named: Its name in the file, or empty.
-        name: The same, or its place where there is none.
-        label: The name without its unit.
-        unit: Unit text, or None.
-        stated: The format of times that is stated, or None.
-        beside: Units that the file gives outside of the name.
-    """
-
-    named: str
-    name: str
-    label: str
-    unit: str | None
-    stated: TimeFormat | None
-    beside: tuple[Stated, ...]
-
-
-def column_heads(layout: Layout, hints: Hints, where: str) -> list[ColumnHead]:
-    """Return what stands over each column of a text table."""
-    remarks = units_of_remarks(layout.preamble, layout.names)
-    heads = []
-    for index in range(layout.width):
-        named = layout.names[index] if index < len(layout.names) else ""
-        name = named or f"column {index + 1}"
-        beside = (
-            *(Stated(cell, "the row of units") for row in layout.units if (cell := row[index])),
-            *(remarks[index] if index < len(remarks) else ()),
-        )
-        told = _label_and_unit(name, beside, hints, f"{where}, column {index + 1}")
-        heads.append(ColumnHead(named, name, *told, beside))
-    return heads
 
 
 def _label_and_unit(
