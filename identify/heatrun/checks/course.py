@@ -11,7 +11,7 @@ How finely was the winding temperature written down, and was it rounded or cut o
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -176,6 +176,8 @@ def no_heating(record: Record, motor: Motor) -> Iterator[Finding]:
         return
     is_cooling = fall > limit
     constants = cooling_constants(record, motor) if is_cooling else ()
+    told = " and ".join(f"{rounded(tau)} s" for tau in constants)
+    told = f" ({told})" if told else ""
     names = ("tau_fast_s", "tau_slow_s")[2 - len(constants) :]
     yield Finding(
         "no_heating",
@@ -183,7 +185,7 @@ def no_heating(record: Record, motor: Motor) -> Iterator[Finding]:
         f"Expected the winding to warm by more than {limit:.1f} K; it rises by {rise:.1f} K"
         + (
             f" and falls by {fall:.1f} K. A cooling curve alone determines time constants"
-            f"{_told(constants)}, not heat capacities."
+            f"{told}, not heat capacities."
             if is_cooling
             else ": without heating, no thermal parameter can be identified."
             + _steady(record, motor)
@@ -195,10 +197,6 @@ def no_heating(record: Record, motor: Motor) -> Iterator[Finding]:
         values={"rise_K": rise, "fall_K": fall, "limit_K": limit}
         | dict(zip(names, constants, strict=True)),
     )
-
-
-def _told(constants: Sequence[float]) -> str:
-    return f" ({' and '.join(f'{rounded(tau)} s' for tau in constants)})" if constants else ""
 
 
 def _steady(record: Record, motor: Motor) -> str:

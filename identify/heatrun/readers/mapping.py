@@ -491,7 +491,8 @@ def describe_mapping(record: Record) -> list[ColumnReading]:
         ColumnReading(name, "", CHANNEL[name].unit, "derived", formula, "")
         for name, formula in derived.items()
     ]
-    return sorted([*record.mapping, *more], key=lambda row: _position(row.channel))
+    places = {name: place for place, name in enumerate(CHANNEL)}
+    return sorted([*record.mapping, *more], key=lambda row: places.get(row.channel, len(places)))
 
 
 def describe_columns(record: Record) -> ReadColumns:
@@ -545,10 +546,6 @@ def assumption(channels: Sequence[str]) -> str:
         f"Unit assumed for {', '.join(channels)}: no file and no name gives it. State it in "
         "[columns] if you know it."
     )
-
-
-def _position(channel: str) -> int:
-    return list(CHANNEL).index(channel) if channel in CHANNEL else len(CHANNEL)
 
 
 def _cut(text: str) -> str:

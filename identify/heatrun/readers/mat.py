@@ -87,7 +87,9 @@ def _of_struct(name: str, heading: str, fields: Mapping[str, Nested], joint: str
         path = f"{name}{joint}{key}"
         if key.casefold() in VALUES and isinstance(one, Stored) and is_signal:
             yield Leaf(path, named or heading, replace(one, unit=one.unit or unit))
-        elif isinstance(one, Text) or (is_signal and _is_said(one)):
+        elif isinstance(one, Text) or (
+            is_signal and isinstance(one, Stored | str) and not _is_course(one)
+        ):
             continue  # what is said of the signal beside its values
         else:
             word = TIME if key == "X" and "Y" in fields else key
@@ -96,10 +98,6 @@ def _of_struct(name: str, heading: str, fields: Mapping[str, Nested], joint: str
 
 def _is_course(value: Nested) -> bool:
     return isinstance(value, Stored) and value.values.size > 1
-
-
-def _is_said(value: Nested) -> bool:
-    return isinstance(value, Stored | str) and not _is_course(value)
 
 
 def courses(leaf: Leaf, length: int) -> list[tuple[str, str, np.ndarray]] | None:

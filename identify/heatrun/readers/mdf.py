@@ -171,7 +171,8 @@ def _channels(file: Any) -> tuple[tuple[StoredChannel, ...], tuple[str, ...]]:
                 continue
             is_frame = FRAME_CHANNEL.fullmatch(channel.name)
             text = FRAME if is_frame else _text(channel, group.channel_dependencies[index])
-            unit = (channel.unit or "").strip() or _unit_of_conversion(channel)
+            units = (channel.unit, getattr(channel.conversion, "unit", ""))
+            unit = next(filter(None, ((one or "").strip() for one in units)), None)
             channels.append(
                 StoredChannel(channel.name, label, unit, (number, index), text, _refusal(channel))
             )
@@ -189,10 +190,6 @@ def _check_records(group: Any) -> None:
             raise BrokenFileError(f"a channel at bytes {begin} to {end} of a record of {size}")
         if channel.flags & INVALID_BIT and channel.pos_invalidation_bit >= num_bits:
             raise BrokenFileError(f"an invalidation bit beyond the {num_bits} of the record")
-
-
-def _unit_of_conversion(channel: Any) -> str | None:
-    return (getattr(channel.conversion, "unit", "") or "").strip() or None
 
 
 def _text(channel: Any, parts: object) -> str:

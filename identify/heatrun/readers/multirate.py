@@ -66,7 +66,7 @@ def read_measurement(
     header = header_of(measurement, columns)
     series: dict[str, Series] = {}
     while True:  # a column of zeros may free its channel for another column
-        zeros = _zeros(series)
+        zeros = {name for name, one in series.items() if not np.nan_to_num(one.values).any()}
         if series and all(one.time_s is None for one in series.values()):
             header = replace(header, time=None)
         mapped = map_columns(header.table(1, zeros=zeros), columns, where=where, is_part=is_part)
@@ -163,10 +163,6 @@ def _refuse_parts_apart(
                 where=where,
                 remedy="Combine channels of one rate, or name one of them.",
             )
-
-
-def _zeros(series: Mapping[str, Series]) -> set[str]:
-    return {name for name, one in series.items() if not np.nan_to_num(one.values).any()}
 
 
 def _require_readable(header: Header, mapped: MappedColumns, where: str) -> None:

@@ -341,11 +341,8 @@ def _clock_unit(clock: Clock, where: str) -> tuple[str, UnitSource]:
         return clock.unit, "stated"
     label, said = split_name(clock.channel.name)
     stored = clock.channel.properties.get("unit_string")
-    beside = (Stated(stored.strip(), "the unit beside it"),) if _is_text(stored) else ()
+    stored = stored.strip() if isinstance(stored, str) else ""
+    beside = (Stated(stored, "the unit beside it"),) if stored else ()
     column = Column(clock.channel.name, label, said, np.empty(0), beside=beside)
     unit, known_from = unit_of(column, time, f"{where}, times '{clock.channel.name}'")
     return unit or time.unit, known_from
-
-
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str) and bool(value.strip())

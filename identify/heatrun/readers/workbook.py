@@ -170,7 +170,11 @@ def _lines(sheet: Sheet, most: int | None) -> tuple[str, str]:
         uncalculated = formulas[0][0] if all(value == 0 for _, value in formulas) else ""
     _fill_names(held, merged)
     rows = _dense(held)
-    text = "\n".join("\t".join(map(_quoted, row)) if any(row) else "" for row in rows)
+
+    def quoted(cell: str) -> str:
+        return '"' + cell.replace('"', '""') + '"' if '"' in cell else cell
+
+    text = "\n".join("\t".join(quoted(cell) for cell in row) if any(row) else "" for row in rows)
     return text, uncalculated
 
 
@@ -201,6 +205,8 @@ def _dense(held: dict[int, dict[int, str]]) -> tuple[tuple[str, ...], ...]:
 
 def as_text(value: Any, epoch: datetime) -> str:
     """Return what a cell holds, as the text reader takes it; `epoch` is day 0 of the workbook."""
+    from openpyxl.utils.datetime import to_excel
+
     if value is None:
         return ""
     if isinstance(value, bool):
@@ -211,12 +217,13 @@ def as_text(value: Any, epoch: datetime) -> str:
         return _without_sign(value)
     if isinstance(value, datetime):
         if value.year <= max(FIRST_YEAR, epoch.year):
-            return _clock(_seconds_of(value, epoch))
+            return _clock(float(to_excel(value, epoch)) * DAY_S)
         return value.isoformat(sep=" ")
     if isinstance(value, date):
         return f"{value.isoformat()} 00:00:00"
     if isinstance(value, time):
-        return _clock(_since_midnight(value))
+        since = timedelta(0, value.second, value.microsecond, 0, value.minute, value.hour)
+        return _clock(since.total_seconds())
     if isinstance(value, timedelta):
         return _clock(value.total_seconds())
     return " ".join(str(value).split())
@@ -231,26 +238,12 @@ def _without_sign(value: float) -> str:
     return f"{whole}{fraction}e{power}" if power else f"{whole}{fraction}"
 
 
-def _since_midnight(value: time) -> float:
-    return value.hour * 3600.0 + value.minute * 60.0 + value.second + value.microsecond * 1e-6
-
-
-def _seconds_of(value: datetime, epoch: datetime) -> float:
-    from openpyxl.utils.datetime import to_excel
-
-    return float(to_excel(value, epoch)) * DAY_S
-
-
 def _clock(seconds: float) -> str:
     """Return a time as hours, minutes and seconds to the microsecond; hours may be beyond 24."""
     rest, micros = divmod(round(abs(seconds) * 1e6), 1_000_000)
     minutes, whole = divmod(rest, 60)
     sign = "-" if seconds < 0 else ""
     return f"{sign}{minutes // 60}:{minutes % 60:02d}:{whole:02d}.{micros:06d}"
-
-
-def _quoted(cell: str) -> str:
-    return '"' + cell.replace('"', '""') + '"' if '"' in cell else cell
 
 
 PREVIEW_ROWS = 400

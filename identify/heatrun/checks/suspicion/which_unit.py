@@ -274,12 +274,12 @@ def unit_suspected(record: Record, motor: Motor) -> Iterator[Finding]:
     if ids == {"losses_below_copper"} and severity == "warning":
         return  # the check of that name tells it, as an error
     left = "note" if is_giant else "warning"
-    sentences = [_supposed(one) for one in mending]
+    sentences = ", or if ".join(_supposed(one) for one in mending)
     otherwise = [c.otherwise for c in broken if c.otherwise and is_mild and not is_odd]
     yield Finding(
         "unit_suspected",
         severity,
-        f"{_told(broken, is_alone)} {_list(sentences)}",
+        f"{_told(broken, is_alone)} The channels are consistent if {sentences}.",
         place(record, broken[0].channels[0], float(samples(record)[0][0])),
         " ".join([_remedy(mending, record, severity, left=left), *otherwise]),
         values=_figures(broken) | _factors(mending),
@@ -431,10 +431,6 @@ def _spoken(one: OtherReading) -> str:
         verb = "were" if one.channels[0] == "losses_W" else "was"
         return f"{SPOKEN[one.channels[0]]} {verb} in {one.unit}"
     return one.sentence.replace(" is in", " was in").replace(" are in", " were in")
-
-
-def _list(sentences: Sequence[str]) -> str:
-    return f"The channels are consistent if {', or if '.join(sentences)}."
 
 
 def _remedy(mending: Sequence[OtherReading], record: Record, severity: str, *, left: str) -> str:

@@ -74,7 +74,8 @@ def data_lines(text: str, layout: Layout, where: str) -> DataLines:
     body = text[start_of_line(text, layout.first_line) :].encode() + b"\n"
     ends, num_cells, is_empty, is_blank = _count_by_pieces(body, layout.delimiter)
     repeated = _header_again(body, ends, is_blank, layout)
-    good = _is_whole(num_cells, layout) & ~is_empty & ~repeated
+    least = layout.width - layout.num_optional
+    good = (num_cells <= layout.width) & (num_cells >= least) & ~is_empty & ~repeated
     footer = _footer(good, _first_cells(body, ends, layout))
     good[footer] = False
     ragged = ~good & ~is_empty & ~repeated
@@ -113,11 +114,6 @@ def _footer(good: np.ndarray, word: Callable[[int], str]) -> list[int]:
         return []
     words = list(itertools.takewhile(word, rows[: -MOST_FOOTERS - 2 : -1]))
     return words if len(words) <= MOST_FOOTERS else []
-
-
-def _is_whole(num_cells: np.ndarray, layout: Layout) -> np.ndarray:
-    """Return which lines have as many cells as the table is wide, shape (line,)."""
-    return (num_cells <= layout.width) & (num_cells >= layout.width - layout.num_optional)
 
 
 def _header_again(

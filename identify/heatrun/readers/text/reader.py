@@ -167,7 +167,9 @@ def read_text(
         if values.unreadable is None and not np.isfinite(values.numbers).any():
             raster = stated_raster(layout.preamble) if name.casefold() == X_NAME else None
             if raster is not None:
-                times = raster[0] + raster[1] * _samples(body)
+                rows = body.sample_numbers
+                rows = np.arange(body.numbers.size) if rows is None else rows
+                times = raster[0] + raster[1] * rows
                 columns.append(Column(name, label, "s", times, f"every {raster[1]:g} s, as stated"))
             elif named:
                 texts[name] = ""
@@ -186,7 +188,8 @@ def read_text(
         if layout.is_unsettled and values.question is None and not values.is_time:
             unsettled[len(columns)] = unsettled_cells(cells, layout.decimal)
         # a word that is no unit, such as "time" in the row of units, says nothing against a clock
-        if values.is_time and (stated is not None or unit is None or not _is_foreign(unit)):
+        is_foreign = unit is not None and is_unit(unit) and find_unit(unit, "time") is None
+        if values.is_time and (stated is not None or not is_foreign):
             unit = "s"
         columns.append(
             Column(
@@ -247,11 +250,6 @@ def _label_and_unit(
     return label, unit, claimed or stated
 
 
-def _samples(body: DataLines) -> np.ndarray:
-    """Return which sample each line is, from 0, shape (time,)."""
-    return np.arange(body.numbers.size) if body.sample_numbers is None else body.sample_numbers
-
-
 def _with_milliseconds(columns: list[Column]) -> list[Column]:
     """Add a column of milliseconds to the clock beside it that counts whole seconds."""
     clocks = [i for i, one in enumerate(columns) if one.note and one.is_seconds]
@@ -268,11 +266,6 @@ def _with_milliseconds(columns: list[Column]) -> list[Column]:
     note = f"{clock.note}, with the milliseconds of '{part.name}'"
     columns[clocks[0]] = replace(clock, values=whole, note=note)
     return columns
-
-
-def _is_foreign(unit: str) -> bool:
-    """Return whether a text is a unit, and of another quantity than time."""
-    return is_unit(unit) and find_unit(unit, "time") is None
 
 
 def _is_hot(column: Column) -> bool:
