@@ -31,7 +31,6 @@ from .hints import hints_of
 from .joined import read_whole_test
 from .read import is_text_table, name_of_test, read_raw, read_record, read_whole
 from .text.reader import head_of, with_missing_rows
-from .text.values import Growth
 
 SAME_CLOCK_S = 1e-3
 """Rounding of a 32-bit clock after hours [s]; a larger difference is another clock."""
@@ -120,6 +119,46 @@ def others_of(table: Table, record: Record) -> dict[str, Other]:
         for name, values in held.items()
         if values.size == record.time_s.size and np.isfinite(values).any()
     }
+
+
+MARK_BYTES = 4096
+"""Bytes at both ends of what was read that must still be there for a file to be the same."""
+
+MOST_BYTES = 32 << 20
+"""Most that one look reads [byte]; what is more waits for the next one."""
+
+
+class Growth:
+    """The end of a file that a bench appends lines to.
+
+    A line counts once its line end is there, so a torn one waits for the next look. A file counts
+    as the same one while what was read of it still stands at its place: the first and the last
+    `MARK_BYTES` of it are compared, at each look, so that the cost of a look depends on what is new
+    and not on the length of the file.
+    """
+
+    def __init__(self) -> None:
+        self._head = b""
+        self._tail = b""
+        self.num_read = 0
+
+    def look(self, file: BinaryIO) -> bytes | None:
+        """Return the new whole lines of an open file, whose writer may go on meanwhile.
+
+        None if what was read is not there any more: the next look begins at the start.
+        """
+        file.seek(0)
+        is_same = file.read(len(self._head)) == self._head
+        file.seek(self.num_read - len(self._tail))
+        if not is_same or file.read(len(self._tail)) != self._tail:
+            self._head, self._tail, self.num_read = b"", b"", 0
+            return None
+        data = file.read(MOST_BYTES)
+        data = data[: data.rfind(b"\n") + 1]
+        self.num_read += len(data)
+        self._head = (self._head + data[:MARK_BYTES])[:MARK_BYTES]
+        self._tail = (self._tail + data)[-MARK_BYTES:]
+        return data
 
 
 BUSY_SHARE = 0.05
@@ -213,17 +252,17 @@ class FollowedTest:
 
     def _look(self, file: BinaryIO) -> Followed:
         self._refuse_other_formats(file)
-        grown = self._growth.look(file)
-        if grown.kind == "replaced":
+        data = self._growth.look(file)
+        if data is None:
             at = time.strftime("%H:%M:%S")
             self._notice = f"The file was replaced or cut at {at}: it is read from its start again."
             self._known = self._seen = None
-            grown = self._growth.look(file)
+            data = self._growth.look(file) or b""
         known = self._known
         if known is None:
-            self._start(grown.data)
-        elif grown.data or self._is_behind:
-            self._go_on(known, grown.data, file)
+            self._start(data)
+        elif data or self._is_behind:
+            self._go_on(known, data, file)
         elif self._seen is not None:
             return self._seen
         self._seen = self._snapshot()

@@ -11,7 +11,7 @@ from __future__ import annotations
 import datetime
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import pandas as pd
 
@@ -200,14 +200,8 @@ OF_SOMETHING_ELSE = re.compile(
 MOST_LINES = 200
 
 
-@dataclass(frozen=True)
-class HeaderDay:
-    """What the header says of the day of a test.
-
-    Attributes:
-        day: ISO 8601; empty if it says none, or several.
-        note: Where the day is from, or why there is none; empty if no line speaks of it.
-    """
+class HeaderDay(NamedTuple):
+    """Day of a test, empty without one or of several, and where it is from or why there is none."""
 
     day: str = ""
     note: str = ""

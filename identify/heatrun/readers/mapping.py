@@ -17,7 +17,6 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -39,6 +38,7 @@ from ..record.units import (
     require_unit,
     to_canonical,
 )
+from ..results.model import DescribedTest
 from .labels import named_unit, rival_unit
 
 PLAIN_AMPERES = frozenset((*AMPERE, *MILLIAMPERE, *KILOAMPERE))
@@ -446,20 +446,6 @@ KEPT = 17
 """Letters of a name that a line of the terminal or the sheet has room for, and from its start."""
 
 
-class Read(Protocol):
-    """A test of which it is known how its columns were read."""
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-        ...
-
-    @property
-    def mapping(self) -> Sequence[ColumnReading]:
-        """From `describe_mapping`; may be empty."""
-        ...
-
-
 @dataclass(frozen=True)
 class ReadColumns:
     """How the columns of a test were read.
@@ -514,7 +500,7 @@ def mapping_rows(mapping: Sequence[ColumnReading]) -> list[list[str]]:
     ]
 
 
-def mapping_text(tests: Sequence[Read]) -> str:
+def mapping_text(tests: Sequence[ReadColumns | DescribedTest]) -> str:
     """Return aligned tables of columns and channels; tests that were read alike share one."""
     blocks = []
     for names, rows in grouped(tests):
@@ -530,7 +516,7 @@ def mapping_text(tests: Sequence[Read]) -> str:
     return "\n".join(blocks)
 
 
-def grouped(tests: Sequence[Read]) -> list[tuple[str, list[list[str]]]]:
+def grouped(tests: Sequence[ReadColumns | DescribedTest]) -> list[tuple[str, list[list[str]]]]:
     """Return names of tests that were read alike, with the rows of their table, if any."""
     alike: dict[str, tuple[list[str], list[list[str]]]] = {}
     for test in tests:
