@@ -17,7 +17,7 @@ import numpy as np
 
 from ..io.quantities import rounded
 from ..record.motor import Motor
-from ..record.record import Finding, Record
+from ..record.record import Finding, Record, Severity
 from ..record.rounding import rounding_step
 from ..record.samples import (
     EQUILIBRIUM_K,
@@ -399,42 +399,30 @@ def truncation(record: Record, motor: Motor) -> Iterator[Finding]:
     if step is None or step < HARMFUL_STEP_K * (1.0 - 1e-6):
         return
     offset = _offset_at_start(record, motor, step)
-    values = {"step_K": step}
-    if offset is not None:
-        values["offset_K"] = offset
+    values = {"step_K": step} if offset is None else {"step_K": step, "offset_K": offset}
     share = float("nan") if offset is None else offset / step
     cost = (
         f"Truncation to {step:.3g} K reads {step / 2.0:.2g} K low on average; truncation to 1 K "
         "biases Ceq_w of the reference motor by +3.5 % and Req_sr by -4.2 %."
     )
-    where = place(record, "winding_degC", float(time_s[0]))
+    severity: Severity = "note"
+    message = f"Rounded or truncated: the record does not show which. {cost}"
+    remedy = "Look up in the logger's manual whether it rounds or truncates."
     if share < -0.5 - TELLING_MARGIN:
-        yield Finding(
-            "truncation",
-            "warning",
+        severity, values["is_suspected"] = "warning", 1.0
+        message = (
             f"In equilibrium at the start the winding reads {offset:+.2f} K against the sink, "
             f"where rounding allows {step / 2.0:.2g} K: the values are truncated, or the "
-            f"sensor reads low. {cost}",
-            where,
-            "Look up in the logger's manual whether it rounds or truncates.",
-            values=values | {"is_suspected": 1.0},
+            f"sensor reads low. {cost}"
         )
-        return
-    if TELLING_MARGIN < share <= 0.5 + TELLING_MARGIN:
+    elif TELLING_MARGIN < share <= 0.5 + TELLING_MARGIN:
+        remedy, values["is_suspected"] = "", 0.0
         message = (
             f"Rounded, not truncated: the winding starts {offset:+.2f} K above the sink. The "
             "readings are not biased by it."
         )
-        yield Finding("truncation", "note", message, where, values=values | {"is_suspected": 0.0})
-        return
-    yield Finding(
-        "truncation",
-        "note",
-        f"Rounded or truncated: the record does not show which. {cost}",
-        where,
-        "Look up in the logger's manual whether it rounds or truncates.",
-        values=values,
-    )
+    where = place(record, "winding_degC", float(time_s[0]))
+    yield Finding("truncation", severity, message, where, remedy, values=values)
 
 
 def _offset_at_start(record: Record, motor: Motor, step: float) -> float | None:

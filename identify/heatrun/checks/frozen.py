@@ -72,15 +72,11 @@ class Stretch:
     is_live: bool
 
 
-def frozen_stretches(record: Record, motor: Motor) -> tuple[Stretch, ...]:
-    """Return where the winding temperature stands still though heat must have moved it.
-
-    Returns:
-        The stretches in time order; none where the record is too short to tell.
-    """
+def frozen_stretches(record: Record, motor: Motor) -> Iterator[Stretch]:
+    """Yield where the winding stands still though heat must have moved it, in order of time."""
     time_s, winding, losses = samples(with_all_heat(record, motor), "winding_degC", "losses_W")
     if time_s.size < LIVE_SAMPLES:
-        return ()
+        return
     step = rounding_step(winding)
     is_live = step is None or step < LIVE_STEP_K
     first, past = runs(np.diff(winding) == 0.0)
@@ -92,7 +88,6 @@ def frozen_stretches(record: Record, motor: Motor) -> tuple[Stretch, ...]:
     if long.sum() > MAX_TRIED:
         long &= length_s >= np.sort(length_s)[-MAX_TRIED]
     loaded = is_loaded(losses)
-    found = []
     for a, b in zip(first[long], past[long], strict=True):
         from_s, to_s = float(time_s[a]), float(time_s[b])
         lowest, highest, doubt = _expected(record, motor, from_s, to_s)
@@ -102,9 +97,7 @@ def frozen_stretches(record: Record, motor: Motor) -> tuple[Stretch, ...]:
         else:
             is_frozen = expected > MOVED_STEPS * (step or 0.0) + doubt
         if is_frozen:
-            reading = float(winding[a])
-            found.append(Stretch(from_s, to_s, reading, expected, doubt, lowest, is_live))
-    return tuple(found)
+            yield Stretch(from_s, to_s, float(winding[a]), expected, doubt, lowest, is_live)
 
 
 def _expected(

@@ -7,6 +7,7 @@ does not, was not there.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 
@@ -132,17 +133,11 @@ def _is_steady(values: np.ndarray, first: np.ndarray, past: np.ndarray, rest: fl
 def _marker(value: float) -> str:
     """Return what a value in the unit of its column is known as, empty if it is none."""
     size = abs(value)
-    for bits in BITS:
-        for scale in SCALES:
-            for whole in (2.0**bits - 1.0, 2.0**bits):
-                is_signed = whole == 2.0**bits and value < 0.0
-                if whole == 2.0**bits and not is_signed:
-                    continue
-                if abs(size * scale - whole) <= MARKER_TOLERANCE * whole:
-                    shown = f"0x{int(whole):X}" + (
-                        f" in units of 1/{scale:.0f}" if scale > 1 else ""
-                    )
-                    return f"{shown}, the marker of a signal that is not valid"
+    for bits, scale in itertools.product(BITS, SCALES):
+        for whole in (2.0**bits - 1.0, 2.0**bits) if value < 0.0 else (2.0**bits - 1.0,):
+            if abs(size * scale - whole) <= MARKER_TOLERANCE * whole:
+                units = f" in units of 1/{scale:.0f}" if scale > 1 else ""
+                return f"0x{int(whole):X}{units}, the marker of a signal that is not valid"
     digits = f"{size:.10g}".replace(".", "").rstrip("0")
     if len(digits) >= 4 and set(digits) == {"9"}:
         return "the overrange of an instrument"

@@ -247,11 +247,8 @@ def _of_losses(record: Record, motor: Motor) -> Agreement | None:
         return None
     columns = samples(record, "speed_rpm", "phase_current_A", "losses_W", "winding_degC")
     time_s, speed, current, losses, winding = columns
-    expected = motor.copper_loss_W(current, winding)
-    return _agreement(
-        record, motor, time_s, speed, losses, expected, current, winding,
-        np.hypot(POWER_SD, 2.0 * CURRENT_SD),
-    )  # fmt: skip
+    instruments = float(np.hypot(POWER_SD, 2.0 * CURRENT_SD))
+    return _agreement(record, motor, time_s, speed, losses, current, winding, instruments)
 
 
 def _of_voltage(record: Record, motor: Motor) -> Agreement | None:
@@ -264,13 +261,10 @@ def _of_voltage(record: Record, motor: Motor) -> Agreement | None:
         return None
     channels: dict[str, np.ndarray] = dict(zip(names[2:], axes, strict=True))
     current = np.hypot(channels["i_d_A"], channels["i_q_A"]) / np.sqrt(2.0)
-    expected = motor.copper_loss_W(current, winding)
     power = dq_power(channels, motor.phases)
     # one current stands in both powers: its error enters once
-    return _agreement(
-        record, motor, time_s, speed, power, expected, current, winding,
-        np.hypot(POWER_SD, CURRENT_SD),
-    )  # fmt: skip
+    instruments = float(np.hypot(POWER_SD, CURRENT_SD))
+    return _agreement(record, motor, time_s, speed, power, current, winding, instruments)
 
 
 def _formula(record: Record) -> str:
@@ -286,12 +280,12 @@ def _agreement(
     time_s: np.ndarray,
     speed: np.ndarray,
     measured: np.ndarray,
-    expected: np.ndarray,
     current: np.ndarray,
     winding: np.ndarray,
     instruments: float,
 ) -> Agreement | None:
-    """Compare two powers over the stretches at standstill; None if there is none."""
+    """Compare a power with the copper loss over the stretches at standstill; None without one."""
+    expected = motor.copper_loss_W(current, winding)
     standing = _standing(time_s, speed, expected, measured, current**2, winding)
     if standing is None:
         return None

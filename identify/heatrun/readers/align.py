@@ -126,7 +126,6 @@ class Alignment:
         fit_sd_s: The part of the fit alone [s].
         interval_95_s: Interval that holds the offset with 95 % [s].
         explained: Share of the temperature's variance that the drive explains beyond decays [1].
-        num_effective: Independent samples that the likelihood counts [1].
         method: How it was found.
         findings: Doubts about it, and a note with its figures.
     """
@@ -136,7 +135,6 @@ class Alignment:
     fit_sd_s: float
     interval_95_s: tuple[float, float]
     explained: float
-    num_effective: float
     method: str
     findings: tuple[Finding, ...]
 
@@ -173,7 +171,7 @@ def join(
         alignment = find_alignment(temperature_record, drive_record, max_offset_s=max_offset_s)
     else:
         exact = (offset_s, offset_s)
-        alignment = Alignment(offset_s, 0.0, 0.0, exact, np.nan, np.nan, "given", ())
+        alignment = Alignment(offset_s, 0.0, 0.0, exact, np.nan, "given", ())
     channels, notes = joined_channels(temperature_record, drive_record, alignment.offset_s)
     dated = temperature_record if temperature_record.start else drive_record
     joined = Record(
@@ -226,7 +224,6 @@ def find_alignment(
         fit_sd_s=profile.sd_s,
         interval_95_s=(low, high),
         explained=found.explained,
-        num_effective=found.num_effective,
         method=METHOD,
         findings=findings,
     )

@@ -316,13 +316,12 @@ def find_offset(test: Record, reference: Record, channels: Sequence[str]) -> Off
             remedy="Are they of one manoeuvre? If so, give --offset SECONDS.",
         )
     sd_s = float(np.hypot(fit_sd_s, stamp_sd_s(*steps_s)))
-    findings = (*_rival(where, test.name, offsets_s, scores), *_uncertain(where, test.name, sd_s))
     return Offset(
         offset_s=offset_s,
         sd_s=sd_s,
         correlation=found,
         method=f"shared signals: {', '.join(found)}",
-        findings=findings,
+        findings=tuple(_doubts(where, test.name, sd_s, offsets_s, scores)),
     )
 
 
@@ -355,35 +354,18 @@ def _even(record: Record, channel: str, grid_s: float) -> np.ndarray:
     return np.interp(grid, *samples(record, channel), left=np.nan, right=np.nan)
 
 
-def _uncertain(where: str, test: str, sd_s: float) -> tuple[Finding, ...]:
-    if sd_s <= MAX_SD_S:
-        return ()
-    return (
-        Finding(
-            "offset_uncertain",
-            "warning",
-            f"Expected an offset known to {MAX_SD_S:.0f} s; its standard uncertainty is {sd_s:.1f} "
-            "s, since no shared signal changes sharply.",
-            where,
-            "Give --offset SECONDS if you know it, or record a step in both.",
-            test,
-            {"sd_s": sd_s},
-        ),
-    )
-
-
-def _rival(where: str, test: str, offsets_s: np.ndarray, scores: np.ndarray) -> tuple[Finding, ...]:
-    """A warning if another offset, apart from the best, fits nearly as well."""
+def _doubts(
+    where: str, test: str, sd_s: float, offsets_s: np.ndarray, scores: np.ndarray
+) -> Iterator[Finding]:
+    """Warn of another offset, apart from the best, that fits nearly as well, and of a wide one."""
     best = int(np.argmax(scores))
     low = np.flatnonzero(scores < LEFT_SHARE * scores[best])
     left = low[low < best].max(initial=-1)
     right = low[low > best].min(initial=scores.size)
     outside = np.r_[scores[: left + 1], np.full(right - left - 1, -np.inf), scores[right:]]
     rival = int(np.argmax(outside))
-    if outside[rival] < RIVAL_SHARE * scores[best]:
-        return ()
-    return (
-        Finding(
+    if outside[rival] >= RIVAL_SHARE * scores[best]:
+        yield Finding(
             "offset_ambiguous",
             "warning",
             f"Expected one offset; {offsets_s[rival]:+.1f} s fits nearly as well as "
@@ -392,5 +374,15 @@ def _rival(where: str, test: str, offsets_s: np.ndarray, scores: np.ndarray) -> 
             "Give --offset SECONDS if you know it.",
             test,
             {"rival_s": float(offsets_s[rival])},
-        ),
-    )
+        )
+    if sd_s > MAX_SD_S:
+        yield Finding(
+            "offset_uncertain",
+            "warning",
+            f"Expected an offset known to {MAX_SD_S:.0f} s; its standard uncertainty is {sd_s:.1f} "
+            "s, since no shared signal changes sharply.",
+            where,
+            "Give --offset SECONDS if you know it, or record a step in both.",
+            test,
+            {"sd_s": sd_s},
+        )
