@@ -14,13 +14,7 @@ import pytest
 
 from heatrun.errors import InputError
 from heatrun.motor.file import load_motor, parse_motor
-from heatrun.readers.following import (
-    MARK_BYTES,
-    FollowedTest,
-    GrowingColumns,
-    Growth,
-    NotFollowed,
-)
+from heatrun.readers.following import MARK_BYTES, FollowedTest, GrowingColumns, Growth, NotFollowed
 from heatrun.readers.read import read_record
 from heatrun_view.reading import Reader
 from heatrun_view.store import RecordStore

@@ -179,21 +179,21 @@ def no_heating(record: Record, motor: Motor) -> Iterator[Finding]:
     told = " and ".join(f"{rounded(tau)} s" for tau in constants)
     told = f" ({told})" if told else ""
     names = ("tau_fast_s", "tau_slow_s")[2 - len(constants) :]
+    message = f"Expected the winding to warm by more than {limit:.1f} K; it rises by {rise:.1f} K"
+    if is_cooling:
+        message += f" and falls by {fall:.1f} K. A cooling curve alone determines time constants"
+        message += f"{told}, not heat capacities."
+        remedy = "Fit it together with a test under load."
+    else:
+        message += ": without heating, no thermal parameter can be identified."
+        message += _steady(record, motor)
+        remedy = "Check which column is mapped as winding_degC, and whether the load was on."
     yield Finding(
         "no_heating",
         "warning" if is_cooling else "error",
-        f"Expected the winding to warm by more than {limit:.1f} K; it rises by {rise:.1f} K"
-        + (
-            f" and falls by {fall:.1f} K. A cooling curve alone determines time constants"
-            f"{told}, not heat capacities."
-            if is_cooling
-            else ": without heating, no thermal parameter can be identified."
-            + _steady(record, motor)
-        ),
+        message,
         place(record, "winding_degC", float(means_s[0]), float(means_s[-1])),
-        "Fit it together with a test under load."
-        if is_cooling
-        else "Check which column is mapped as winding_degC, and whether the load was on.",
+        remedy,
         values={"rise_K": rise, "fall_K": fall, "limit_K": limit}
         | dict(zip(names, constants, strict=True)),
     )

@@ -49,11 +49,9 @@ def losses_absent(record: Record, motor: Motor) -> Iterator[Finding]:
     lowest = np.minimum.accumulate(winding)
     top = int(np.argmax(winding - lowest))
     rise = float(winding[top] - lowest[top])
-    others = [float(np.max(sink))]
-    for body in BODIES:
-        of_body = samples(record, body)[1]
-        others += [float(np.max(of_body))] if of_body.size else []
-    if rise <= UNHEATED_K or winding[top] <= max(others) + UNHEATED_K:
+    others = (samples(record, body)[1] for body in BODIES)
+    hottest = max(np.max(sink), *(np.max(other, initial=-np.inf) for other in others))
+    if rise <= UNHEATED_K or winding[top] <= hottest + UNHEATED_K:
         return
     begin = int(np.argmin(winding[: top + 1]))
     yield Finding(

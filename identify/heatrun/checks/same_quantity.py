@@ -8,7 +8,7 @@ in W, the other one tells.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -161,7 +161,9 @@ def _compared(
         return None  # within the errors of a small difference, or the inverter's
     likely = f" That is the factor where {cause}." if cause else ""
     named = ", ".join(f"'{columns[name]}'" for name in (way.channel, *way.needs))
-    silence = " and ".join(f'{name} = "none"' for name in _droppable(way.needs))
+    # without these the other way to the quantity is gone
+    needed = way.needs if way.needs == ("i_d_A", "i_q_A") else way.needs[:1]
+    silence = " and ".join(f'{name} = "none"' for name in needed)
     formula = way.formula.removesuffix(AMPLITUDE_INVARIANT).removesuffix(WITH_INVERTER)
     limit = "at most " if twice.is_upper else ""
     return Finding(
@@ -188,8 +190,3 @@ def _meaning(ratio: float, twice: Twice, room: float) -> str:
         if math.log(room) - NEAR < math.log(ratio / factor) < NEAR:
             return text.format(twice.way.channel)
     return ""
-
-
-def _droppable(needs: Sequence[str]) -> Sequence[str]:
-    """Return the channels without which the other way to the quantity is gone."""
-    return needs if needs == ("i_d_A", "i_q_A") else needs[:1]

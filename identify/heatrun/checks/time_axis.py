@@ -234,24 +234,17 @@ def sampling(record: Record, motor: Motor) -> Iterator[Finding]:
     usual = median_step(time_s)
     duration_s = float(time_s[-1] - time_s[0])
     is_coarse = usual > COARSE_S
-    suspected = _suspected_unit(record, usual) if is_coarse else ""
-    timing = (
-        f" The instant of a load step is known to ±{usual / 2.0:.3g} s only; the fit estimates it "
-        "as load_timing."
-        if usual >= SLOW_LOGGER_S
-        else ""
-    )
+    message = f"{time_s.size} samples at {usual:.3g} s over {duration_s / 60.0:.1f} min."
+    if is_coarse:
+        message += f" Expected at most {COARSE_S:.0f} s: Ceq_w shows in the first minute after a "
+        message += "step."
+    if usual >= SLOW_LOGGER_S:
+        message += f" The instant of a load step is known to ±{usual / 2.0:.3g} s only; the fit "
+        message += "estimates it as load_timing."
     yield Finding(
         "sampling",
         "warning" if is_coarse else "note",
-        f"{time_s.size} samples at {usual:.3g} s over {duration_s / 60.0:.1f} min."
-        + (
-            f" Expected at most {COARSE_S:.0f} s: Ceq_w shows in the first minute after a step."
-            if is_coarse
-            else ""
-        )
-        + timing
-        + suspected,
+        message + (_suspected_unit(record, usual) if is_coarse else ""),
         place(record, "time_s", float(time_s[0]), float(time_s[-1])),
         "Export at the logger's full sampling rate." if is_coarse else "",
         values={"num_samples": float(time_s.size), "step_s": usual, "duration_s": duration_s},

@@ -261,7 +261,7 @@ def unit_suspected(record: Record, motor: Motor) -> Iterator[Finding]:
             yield _unexplained(record, broken)
         return
     # two that one unit explains are no matter of cooling, nor of a machine without load
-    is_alone = len({_family(id) for id in ids}) < 2
+    is_alone = len({next((family for family in FAMILIES if id in family), id) for id in ids}) < 2
     is_giant = ids == {"too_large"} and _is_as_usual(record, motor, mending)
     is_mild = is_giant or (
         is_alone and all(conflict.is_odd or conflict.is_mild for conflict in broken)
@@ -304,11 +304,6 @@ def _thinned(record: Record) -> Record:
         return record
     step = -(-size // MAX_SAMPLES)
     return replace(record, channels={k: np.asarray(v)[::step] for k, v in record.channels.items()})
-
-
-def _family(id: str) -> frozenset[str]:
-    """Return the relations that say the same as one of them."""
-    return next((family for family in FAMILIES if id in family), frozenset({id}))
 
 
 def _symptoms(record: Record, motor: Motor) -> list[str]:
