@@ -17,6 +17,7 @@ from typing import Any
 
 from heatrun.errors import InputError, did_you_mean
 from heatrun.io.open_file import read_start
+from heatrun.readers.foreign import library, reading
 from heatrun.record.record import Finding
 
 ROLES = ("calibration", "holdout")
@@ -327,23 +328,10 @@ def _row(place: str, names: Sequence[str], cells: Sequence[str]) -> Row:
 
 
 def _of_parquet(data: bytes, where: str) -> tuple[list[str], list[Row]]:
-    try:
-        import pyarrow.parquet
-    except ImportError as error:
-        raise InputError(
-            "Reading Parquet needs pyarrow, which is not installed.",
-            where=where,
-            remedy='Run: pip install "heatrun[fleet]"',
-        ) from error
-    try:
-        table = pyarrow.parquet.ParquetFile(io.BytesIO(data)).read()
+    pyarrow = library("pyarrow.parquet", "Parquet", where)
+    with reading("a Parquet table", where):
+        table = pyarrow.ParquetFile(io.BytesIO(data)).read()
         held = table.to_pylist()
-    except Exception as error:  # a damaged file raises nearly anything in there
-        raise InputError(
-            f"Expected a Parquet table, it could not be read ({type(error).__name__}: {error}).",
-            where=where,
-            remedy="Write the table again.",
-        ) from error
     names = list(table.column_names)
     rows = [
         _row(f"row {number}", names, [cell_text(each) for each in row.values()])

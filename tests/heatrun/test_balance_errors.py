@@ -374,9 +374,9 @@ def test_a_calibration_without_a_standstill_says_once_what_it_cannot_see():
     assert (finding.id, finding.severity) == ("current_scale_unchecked", "note")
     assert "2 %" in finding.message
     assert "standstill" in finding.remedy
-    assert current_scale_unchecked(MOTOR, [short, locked()]) == ()
-    assert current_scale_unchecked(MOTOR, [short, locked(current_gain=0.9)]) == ()
-    assert current_scale_unchecked(replace(MOTOR, phase_resistance_ohm=None), [short]) == ()
+    assert not list(current_scale_unchecked(MOTOR, [short, locked()]))
+    assert not list(current_scale_unchecked(MOTOR, [short, locked(current_gain=0.9)]))
+    assert not list(current_scale_unchecked(replace(MOTOR, phase_resistance_ohm=None), [short]))
 
 
 def test_a_wrong_zero_of_the_torque_puts_nothing_in_at_standstill(record, motor):

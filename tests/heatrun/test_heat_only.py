@@ -98,7 +98,7 @@ def test_load_steps_are_counted_on_what_heats(watts, held, is_single):
     time_s = np.arange(0.0, 3600.0, 5.0)
     channels = {"time_s": time_s, "losses_W": np.repeat(watts, time_s.size // 3)}
     channels |= {name: np.full(time_s.size, value) for name, value in held.items()}
-    found = single_step(Record("block", channels), Motor("block"))
+    found = list(single_step(Record("block", channels), Motor("block")))
     assert [f.id for f in found] == ["single_step"] * is_single
     heats = "phase_current_A" if held.get("phase_current_A") else "losses_W"
     assert all(heats in f.where for f in found)

@@ -237,16 +237,16 @@ def hostile(data, packed):
     first_data = blocks(data, b"##DG")[0]
     yield "two links lead to", patched(data, first_data + 24, "<Q", first_data)
     yield "two links lead to", patched(data, channel + 24, "<Q", channel)
-    yield "where none may be", patched(data, channel + 24, "<Q", group)
+    yield "could not be read", patched(data, channel + 24, "<Q", group)
     yield "samples of", patched(data, about_group + 8, "<Q", 10**15)
     yield "a channel at bytes", patched(data, about_channel + 4, "<I", 2**31)
     times = links_of(data, blocks(data, b"##CN")[0])[-1] + 8
     assert data[times] == 2  # the channel of times
     yield "a channel at bytes", patched(data, times + 4, "<I", 60_000)
-    yield "a number of", patched(patched(data, about_channel + 8, "<I", 96),
-                                 about_group + 24, "<I", 2**20)  # fmt: skip
+    yield "could not be read", patched(patched(data, about_channel + 8, "<I", 96),
+                                       about_group + 24, "<I", 2**20)  # fmt: skip
     yield "ends beyond", patched(data, channel + 8, "<Q", 2**60)
-    yield "links", patched(data, channel + 16, "<Q", 2**40)
+    yield "ends beyond", patched(data, channel + 16, "<Q", 2**40)
     yield "compressed bytes that promise", patched(packed, zipped + 8, "<Q", 2**40)
     yield "states", patched(packed, zipped + 8, "<Q", 60_000)
 

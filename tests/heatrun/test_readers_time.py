@@ -31,11 +31,11 @@ from heatrun.record.timegrid import exact_grid, from_first_sample
     ],
 )
 def test_clock_times(cells, seconds):
-    assert read_clock(pd.Series(cells)).seconds.tolist() == seconds
+    assert read_clock(pd.Series(cells)).numbers.tolist() == seconds
 
 
 def test_clock_times_that_are_none():
-    seconds = read_clock(pd.Series(["0:00.0", "1:75:00", "noon"])).seconds
+    seconds = read_clock(pd.Series(["0:00.0", "1:75:00", "noon"])).numbers
     assert np.isnan(seconds).tolist() == [False, True, True]
 
 
@@ -60,7 +60,7 @@ def test_clock_times_that_are_none():
 )
 def test_dates(cells, seconds, order):
     column = read_dates(pd.Series(cells))
-    assert column.seconds.tolist() == seconds
+    assert column.numbers.tolist() == seconds
     assert order in column.note
 
 
@@ -87,7 +87,7 @@ def test_dates_of_two_readings_are_a_question(cells, first, second):
 
 
 def test_a_day_that_is_none():
-    seconds = read_dates(pd.Series(["30/01/2025 00:00:00", "30/02/2025 00:00:00"])).seconds
+    seconds = read_dates(pd.Series(["30/01/2025 00:00:00", "30/02/2025 00:00:00"])).numbers
     assert np.isnan(seconds).tolist() == [False, True]
 
 

@@ -1,12 +1,12 @@
 """Quality checks of bench records: one file for each family, one tuple that names them all.
 
-A check takes a record and the motor and returns findings; it changes nothing and raises nothing,
+A check takes a record and the motor and yields findings; it changes nothing and raises nothing,
 whatever the record holds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -45,7 +45,7 @@ from .time_axis import (
 )
 from .units import ambient_implausible, unit_assumed, units_temperature
 
-Check = Callable[[Record, Motor], tuple[Finding, ...]]
+Check = Callable[[Record, Motor], Iterable[Finding]]
 
 CHECKS: tuple[Check, ...] = (
     missing_channel,
@@ -141,7 +141,7 @@ def check_record(record: Record, motor: Motor) -> tuple[Finding, ...]:
             if check in OF_THE_SENSOR:
                 found, record = _of_the_sensor(record, motor)
             else:
-                found = check(record, motor)
+                found = tuple(check(record, motor))
             findings += found
             for finding in found:
                 record, motor = mended(record, motor, finding)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ..io.quantities import rounded
@@ -23,7 +25,7 @@ OTHER_UNITS = {"W": ("kW", "mW"), "kW": ("W", "MW"), "MW": ("kW", "W"), "mW": ("
 """By the unit that losses were read in, those that they may be in."""
 
 
-def losses_absurd(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def losses_absurd(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report losses beyond those of any machine on a bench, with the unit that would explain them.
 
     An error; a warning where the motor file decides the unit, so that a giant can be measured too.
@@ -32,7 +34,7 @@ def losses_absurd(record: Record, motor: Motor) -> tuple[Finding, ...]:
         record, "losses_W", "winding_degC", sink_channel(motor)
     )  # fmt: skip
     if time_s.size == 0:
-        return ()
+        return
     time_s, losses, rise = block_means(time_s, BLOCK_S, losses, winding - sink)
     largest = float(np.max(np.abs(losses)))
     top = int(np.argmax(rise))
@@ -42,7 +44,7 @@ def losses_absurd(record: Record, motor: Motor) -> tuple[Finding, ...]:
     per_K = float(np.mean(np.abs(losses))) / float(rise[top]) if is_warm else 0.0
     is_small = 0.0 < largest < SMALLEST_W and rise[top] > 1.0
     if not (is_small or largest > LARGEST_W or per_K > LARGEST_W_PER_K):
-        return ()  # as nearly every record: no fit is needed
+        return
     seen = one_node(record, motor) or unsettled(record, motor)
     if seen is not None and seen.conductance_W_per_K < per_K:  # no comparison is true of a NaN
         per_K = seen.conductance_W_per_K
@@ -50,23 +52,21 @@ def losses_absurd(record: Record, motor: Motor) -> tuple[Finding, ...]:
         per_K = 0.0  # what has warmed is a winding, and the heat is in it
     is_large = largest > LARGEST_W or per_K > LARGEST_W_PER_K
     if not is_large and not is_small:
-        return ()
+        return
     reading = next((one for one in record.mapping if one.channel == "losses_W"), None)
     shown = (
         f"{rounded(largest)} W, {rounded(per_K)} W for each kelvin of rise"
         if per_K
         else f"{rounded(largest)} W"
     )
-    return (
-        Finding(
-            "losses_absurd",
-            "warning" if "losses_W" in record.decided else "error",
-            f"Expected losses between {SMALLEST_W:g} W and {LARGEST_W / 1e6:g} MW, and at most "
-            f"{LARGEST_W_PER_K:g} W/K; the largest are {shown}.{_explained(reading, largest)}",
-            place(record, "losses_W", float(time_s[0]), float(time_s[-1])),
-            _remedy(reading, is_large),
-            values={"largest_W": largest, "largest_W_per_K": per_K},
-        ),
+    yield Finding(
+        "losses_absurd",
+        "warning" if "losses_W" in record.decided else "error",
+        f"Expected losses between {SMALLEST_W:g} W and {LARGEST_W / 1e6:g} MW, and at most "
+        f"{LARGEST_W_PER_K:g} W/K; the largest are {shown}.{_explained(reading, largest)}",
+        place(record, "losses_W", float(time_s[0]), float(time_s[-1])),
+        _remedy(reading, is_large),
+        values={"largest_W": largest, "largest_W_per_K": per_K},
     )
 
 

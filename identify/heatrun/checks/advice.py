@@ -20,12 +20,7 @@ def section_of(record: Record) -> str:
 
 
 def use_line(record: Record, *windows: tuple[float, float]) -> str:
-    """Return the line that uses stretches of a record, each of them as a test.
-
-    Args:
-        record: The record.
-        windows: First and last time of each [s].
-    """
+    """Return the line that uses stretches, first and last time [s], of a record, each as a test."""
     pairs = ", ".join(f"[{low:.3f}, {high:.3f}]" for low, high in windows)
     return f"{section_of(record)} use = [{pairs}] in the motor file"
 
@@ -34,10 +29,7 @@ def mask_line(record: Record, windows: Sequence[tuple[float, float]]) -> str:
     """Return the line that leaves readings out of the comparison; from the start on, one that
     begins the test behind them.
 
-    Args:
-        record: The record.
-        windows: First and last time of each [s], in order; those that are left out already come
-            with them.
+    Windows are first and last times [s] in order; those that are left out already come with them.
     """
     time_s = record.time_s[np.isfinite(record.time_s)]
     first, last = windows[0]
@@ -51,11 +43,7 @@ def mask_line(record: Record, windows: Sequence[tuple[float, float]]) -> str:
 
 
 def windows_text(windows: Sequence[tuple[float, float]]) -> str:
-    """Return windows as the motor file has them, widened to tenths of a second.
-
-    Args:
-        windows: First and last time of each [s], in order.
-    """
+    """Return windows [s], in order, as the motor file has them, widened to tenths of a second."""
     if len(windows) > MOST_WINDOWS:
         return "[[FROM, UNTIL], …]"
     tenths = [(math.floor(10.0 * low), math.ceil(10.0 * high)) for low, high in windows]

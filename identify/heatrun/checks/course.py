@@ -11,13 +11,13 @@ How finely was the winding temperature written down, and was it rounded or cut o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
 from ..io.quantities import rounded
 from ..record.motor import Motor
-from ..record.record import Finding, Record
+from ..record.record import Finding, Record, Severity
 from ..record.rounding import rounding_step
 from ..record.samples import (
     EQUILIBRIUM_K,
@@ -65,12 +65,7 @@ BETTER = 0.7
 
 
 def cooling_constants(record: Record, motor: Motor) -> tuple[float, ...]:
-    """Return the time constants of a cool-down [s], the fastest first: two, one or none.
-
-    Args:
-        record: Without load throughout.
-        motor: Says which channel is the sink.
-    """
+    """Return the time constants of a cool-down [s], the fastest first: two, one or none."""
     time_s, winding, sink = samples(record, "winding_degC", sink_channel(motor))
     width_s = float(np.ptp(time_s)) / 400.0 if time_s.size else 0.0
     if width_s <= 0.0:
@@ -109,10 +104,6 @@ def _decays(
 
 def settling_constants(record: Record, motor: Motor) -> float:
     """Return how many slow time constants the longest stretch of steady load lasts.
-
-    Args:
-        record: Any record.
-        motor: Says which channel is the sink.
 
     Returns:
         Length of the stretch over the time constant in it [1]; inf where it has settled, 0 where
@@ -166,49 +157,46 @@ heat run's rise. A rate is only counted from 0.5 K on: below, a short test has n
 of."""
 
 
-def no_heating(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def no_heating(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report a winding that never warms: an error, or a warning where the test is a cooling
     curve.
     """
     time_s, winding = samples(record, "winding_degC")
     if time_s.size < 3:
-        return ()
+        return
     means_s, means = block_means(time_s, max(10.0, float(np.ptp(time_s)) / 200.0), winding)
     if means_s.size < 2:
-        return (_no_time(record, time_s),)
+        yield _no_time(record, time_s)
+        return
     limit = max(HEATED_STEPS * (rounding_step(winding) or 0.0), HEATED_K)
     lowest = np.minimum.accumulate(means)
     rise = float(np.max(means - lowest))
     fall = float(np.max(np.maximum.accumulate(means) - means))
     if rise > limit:
-        return ()
+        return
     is_cooling = fall > limit
     constants = cooling_constants(record, motor) if is_cooling else ()
+    told = " and ".join(f"{rounded(tau)} s" for tau in constants)
+    told = f" ({told})" if told else ""
     names = ("tau_fast_s", "tau_slow_s")[2 - len(constants) :]
-    return (
-        Finding(
-            "no_heating",
-            "warning" if is_cooling else "error",
-            f"Expected the winding to warm by more than {limit:.1f} K; it rises by {rise:.1f} K"
-            + (
-                f" and falls by {fall:.1f} K. A cooling curve alone determines time constants"
-                f"{_told(constants)}, not heat capacities."
-                if is_cooling
-                else ": without heating, no thermal parameter can be identified."
-                + _steady(record, motor)
-            ),
-            place(record, "winding_degC", float(means_s[0]), float(means_s[-1])),
-            "Fit it together with a test under load."
-            if is_cooling
-            else "Check which column is mapped as winding_degC, and whether the load was on.",
-            values={"rise_K": rise, "fall_K": fall, "limit_K": limit}
-            | dict(zip(names, constants, strict=True)),
-        ),
+    message = f"Expected the winding to warm by more than {limit:.1f} K; it rises by {rise:.1f} K"
+    if is_cooling:
+        message += f" and falls by {fall:.1f} K. A cooling curve alone determines time constants"
+        message += f"{told}, not heat capacities."
+        remedy = "Fit it together with a test under load."
+    else:
+        message += ": without heating, no thermal parameter can be identified."
+        message += _steady(record, motor)
+        remedy = "Check which column is mapped as winding_degC, and whether the load was on."
+    yield Finding(
+        "no_heating",
+        "warning" if is_cooling else "error",
+        message,
+        place(record, "winding_degC", float(means_s[0]), float(means_s[-1])),
+        remedy,
+        values={"rise_K": rise, "fall_K": fall, "limit_K": limit}
+        | dict(zip(names, constants, strict=True)),
     )
-
-
-def _told(constants: Sequence[float]) -> str:
-    return f" ({' and '.join(f'{rounded(tau)} s' for tau in constants)})" if constants else ""
 
 
 def _steady(record: Record, motor: Motor) -> str:
@@ -241,7 +229,7 @@ def _no_time(record: Record, time_s: np.ndarray) -> Finding:
     )
 
 
-def start_not_in_equilibrium(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def start_not_in_equilibrium(record: Record, motor: Motor) -> Iterator[Finding]:
     """Warn if the machine is not at the temperature of its sink when the test begins.
 
     Then the stator's start temperature, which no channel of the five shows, is unknown too.
@@ -252,7 +240,7 @@ def start_not_in_equilibrium(record: Record, motor: Motor) -> tuple[Finding, ...
     )
     lead = lead_in(time_s, losses)
     if lead == 0 or _begins_at_gap(record):
-        return ()
+        return
     step = rounding_step(winding) or 0.0
     excess = float(np.median(winding[:lead] - sink[:lead]))
     part = max(1, lead // 5)
@@ -262,7 +250,7 @@ def start_not_in_equilibrium(record: Record, motor: Motor) -> tuple[Finding, ...
         excess = float(np.median((winding - sink)[time_s <= time_s[0] + START_S]))
     is_hot = abs(excess) > EQUILIBRIUM_K + 0.5 * step
     if not (is_hot or is_drifting):
-        return ()
+        return
     if any(body in record for body in STATOR):
         meaning = "Bodies that no sensor reads then start at an unknown temperature."
         remedy = "Start the next test after a soak."
@@ -271,22 +259,20 @@ def start_not_in_equilibrium(record: Record, motor: Motor) -> tuple[Finding, ...
             "The start temperature of the stator is then unknown and estimated with a wide prior."
         )
         remedy = "Map `stator_degC` if it was measured, or start the next test after a soak."
-    return (
-        Finding(
-            "start_not_in_equilibrium",
-            "warning",
-            f"Expected the winding within {EQUILIBRIUM_K:.0f} K of {sink_name} at the start; it is "
-            f"{excess:+.1f} K away"
-            f"{f' and drifts by {drift:+.1f} K before the load' if lead < time_s.size else ''}. "
-            f"{meaning}",
-            place(record, "winding_degC", float(time_s[0]), float(time_s[lead - 1])),
-            remedy,
-            values={
-                "excess_K": excess,
-                "drift_K": drift,
-                "lead_s": float(time_s[lead - 1] - time_s[0]),
-            },
-        ),
+    yield Finding(
+        "start_not_in_equilibrium",
+        "warning",
+        f"Expected the winding within {EQUILIBRIUM_K:.0f} K of {sink_name} at the start; it is "
+        f"{excess:+.1f} K away"
+        f"{f' and drifts by {drift:+.1f} K before the load' if lead < time_s.size else ''}. "
+        f"{meaning}",
+        place(record, "winding_degC", float(time_s[0]), float(time_s[lead - 1])),
+        remedy,
+        values={
+            "excess_K": excess,
+            "drift_K": drift,
+            "lead_s": float(time_s[lead - 1] - time_s[0]),
+        },
     )
 
 
@@ -296,7 +282,7 @@ def _begins_at_gap(record: Record) -> bool:
     return any(f.id == "time_gap" and f.values.get("to_s") == begin_s for f in record.findings)
 
 
-def cut_while_warm(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def cut_while_warm(record: Record, motor: Motor) -> Iterator[Finding]:
     """Say of a test that is cut out of a record while warm that the part before it may tell more.
 
     What is cut off is not simulated, and whether its losses can be trusted, which may be why it
@@ -304,33 +290,31 @@ def cut_while_warm(record: Record, motor: Motor) -> tuple[Finding, ...]:
     run up to that time: the stator is then known as well as the parameters allow.
     """
     if not record.stretch or _begins_at_gap(record) or any(body in record for body in STATOR):
-        return ()
+        return
     sink_name = sink_channel(motor)
     time_s, winding, sink = samples(record, "winding_degC", sink_name)
     if time_s.size == 0 or time_s[0] <= MASKED_FROM_S:
-        return ()
+        return
     first = time_s <= time_s[0] + START_S
     excess = float(np.median(winding[first] - sink[first]))
     if abs(excess) <= EQUILIBRIUM_K + 0.5 * (rounding_step(winding) or 0.0):
-        return ()
+        return
     begin_s = float(time_s[0])
-    return (
-        Finding(
-            "cut_while_warm",
-            "note",
-            f"The test begins {begin_s:.0f} s into its record, with the winding {excess:+.1f} K "
-            f"from {sink_name}. What lies before is not simulated, so the start temperature of the "
-            "stator has a wide prior, and predictions a wide band for its time constant or two.",
-            place(record, "winding_degC", begin_s, float(time_s[first][-1])),
-            "If current and losses before it are right, leave out the readings alone: "
-            f"mask = [[{MASKED_FROM_S:.0f}, {begin_s:.0f}]] under [tests.NAME] of the motor file "
-            "in place of the cut.",
-            values={"excess_K": excess, "begin_s": begin_s},
-        ),
+    yield Finding(
+        "cut_while_warm",
+        "note",
+        f"The test begins {begin_s:.0f} s into its record, with the winding {excess:+.1f} K "
+        f"from {sink_name}. What lies before is not simulated, so the start temperature of the "
+        "stator has a wide prior, and predictions a wide band for its time constant or two.",
+        place(record, "winding_degC", begin_s, float(time_s[first][-1])),
+        "If current and losses before it are right, leave out the readings alone: "
+        f"mask = [[{MASKED_FROM_S:.0f}, {begin_s:.0f}]] under [tests.NAME] of the motor file "
+        "in place of the cut.",
+        values={"excess_K": excess, "begin_s": begin_s},
     )
 
 
-def ambient_moving(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def ambient_moving(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report a sink temperature that moves: a warning in the air, a note for a coolant.
 
     The measured course enters the fit; what remains is that one sensor seldom shows the mean of
@@ -341,7 +325,7 @@ def ambient_moving(record: Record, motor: Motor) -> tuple[Finding, ...]:
     time_s, sink = samples(record, channel)
     duration_s = float(time_s[-1] - time_s[0]) if time_s.size > 2 else 0.0
     if duration_s <= 0.0:
-        return ()
+        return
     means_s, means = block_means(time_s, max(60.0, duration_s / 100.0), sink)
     travel = float(np.ptp(means))
     slope = (
@@ -351,20 +335,18 @@ def ambient_moving(record: Record, motor: Motor) -> tuple[Finding, ...]:
     step = rounding_step(sink) or 0.0
     drifts = abs(slope) > DRIFT_K_PER_H and abs(drift) > MIN_DRIFT_K + step
     if not (travel > DRIFT_K + step or drifts):
-        return ()
-    return (
-        Finding(
-            "ambient_moving",
-            "note" if motor.sink == "coolant" else "warning",
-            f"Expected a steady sink temperature; it varies by {travel:.1f} K and drifts by "
-            f"{slope:+.2f} K/h. The fit follows the measured course; where the sensor does not "
-            "show what the machine feels, Req_sr is biased.",
-            place(record, channel, float(time_s[0]), float(time_s[-1])),
-            "Measure the coolant where it enters the machine."
-            if motor.sink == "coolant"
-            else "Shield the sensor from the warm air of the machine.",
-            values={"travel_K": travel, "slope_K_per_h": slope, "drift_K": drift},
-        ),
+        return
+    yield Finding(
+        "ambient_moving",
+        "note" if motor.sink == "coolant" else "warning",
+        f"Expected a steady sink temperature; it varies by {travel:.1f} K and drifts by "
+        f"{slope:+.2f} K/h. The fit follows the measured course; where the sensor does not "
+        "show what the machine feels, Req_sr is biased.",
+        place(record, channel, float(time_s[0]), float(time_s[-1])),
+        "Measure the coolant where it enters the machine."
+        if motor.sink == "coolant"
+        else "Shield the sensor from the warm air of the machine.",
+        values={"travel_K": travel, "slope_K_per_h": slope, "drift_K": drift},
     )
 
 
@@ -386,26 +368,24 @@ EQUILIBRIUM_STEPS = 2.0
 """A start further from the sink than this, in steps, is no common equilibrium of both sensors."""
 
 
-def resolution(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def resolution(record: Record, motor: Motor) -> Iterator[Finding]:
     """Note the step that the winding temperature was rounded to."""
     time_s, winding = samples(record, "winding_degC")
     step = rounding_step(winding)
     if step is None or step < NOTED_STEP_K * (1.0 - 1e-6):
-        return ()
-    return (
-        Finding(
-            "resolution",
-            "note",
-            f"The resolution is {step:.3g} K, which adds {step / np.sqrt(12.0):.2g} K rms of "
-            "rounding noise: a smaller RMSE would be overfitting.",
-            place(record, "winding_degC", float(time_s[0]), float(time_s[-1])),
-            "Export more decimals if the logger has them.",
-            values={"step_K": step},
-        ),
+        return
+    yield Finding(
+        "resolution",
+        "note",
+        f"The resolution is {step:.3g} K, which adds {step / np.sqrt(12.0):.2g} K rms of "
+        "rounding noise: a smaller RMSE would be overfitting.",
+        place(record, "winding_degC", float(time_s[0]), float(time_s[-1])),
+        "Export more decimals if the logger has them.",
+        values={"step_K": step},
     )
 
 
-def truncation(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def truncation(record: Record, motor: Motor) -> Iterator[Finding]:
     """Tell, as far as the record can, whether readings were rounded or cut off.
 
     Cutting off is rounding with an offset of half a step, so the shape of the record does not show
@@ -417,48 +397,32 @@ def truncation(record: Record, motor: Motor) -> tuple[Finding, ...]:
     time_s, winding = samples(record, "winding_degC")
     step = rounding_step(winding)
     if step is None or step < HARMFUL_STEP_K * (1.0 - 1e-6):
-        return ()
+        return
     offset = _offset_at_start(record, motor, step)
-    values = {"step_K": step}
-    if offset is not None:
-        values["offset_K"] = offset
+    values = {"step_K": step} if offset is None else {"step_K": step, "offset_K": offset}
     share = float("nan") if offset is None else offset / step
     cost = (
         f"Truncation to {step:.3g} K reads {step / 2.0:.2g} K low on average; truncation to 1 K "
         "biases Ceq_w of the reference motor by +3.5 % and Req_sr by -4.2 %."
     )
-    where = place(record, "winding_degC", float(time_s[0]))
+    severity: Severity = "note"
+    message = f"Rounded or truncated: the record does not show which. {cost}"
+    remedy = "Look up in the logger's manual whether it rounds or truncates."
     if share < -0.5 - TELLING_MARGIN:
-        return (
-            Finding(
-                "truncation",
-                "warning",
-                f"In equilibrium at the start the winding reads {offset:+.2f} K against the sink, "
-                f"where rounding allows {step / 2.0:.2g} K: the values are truncated, or the "
-                f"sensor reads low. {cost}",
-                where,
-                "Look up in the logger's manual whether it rounds or truncates.",
-                values=values | {"is_suspected": 1.0},
-            ),
+        severity, values["is_suspected"] = "warning", 1.0
+        message = (
+            f"In equilibrium at the start the winding reads {offset:+.2f} K against the sink, "
+            f"where rounding allows {step / 2.0:.2g} K: the values are truncated, or the "
+            f"sensor reads low. {cost}"
         )
-    if TELLING_MARGIN < share <= 0.5 + TELLING_MARGIN:
+    elif TELLING_MARGIN < share <= 0.5 + TELLING_MARGIN:
+        remedy, values["is_suspected"] = "", 0.0
         message = (
             f"Rounded, not truncated: the winding starts {offset:+.2f} K above the sink. The "
             "readings are not biased by it."
         )
-        return (
-            Finding("truncation", "note", message, where, values=values | {"is_suspected": 0.0}),
-        )
-    return (
-        Finding(
-            "truncation",
-            "note",
-            f"Rounded or truncated: the record does not show which. {cost}",
-            where,
-            "Look up in the logger's manual whether it rounds or truncates.",
-            values=values,
-        ),
-    )
+    where = place(record, "winding_degC", float(time_s[0]))
+    yield Finding("truncation", severity, message, where, remedy, values=values)
 
 
 def _offset_at_start(record: Record, motor: Motor, step: float) -> float | None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ..record.motor import Motor
@@ -81,7 +83,7 @@ def single_step(record: Record, motor: Motor) -> tuple[Finding, ...]:
     )
 
 
-def too_short(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def too_short(record: Record, motor: Motor) -> Iterator[Finding]:
     """Compare the length of the test with the slow time constant that the record itself shows.
 
     A warning below three quarters of a time constant, or where the constant stays unknown to a
@@ -90,14 +92,14 @@ def too_short(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """
     fit = quick_fit(record, motor)
     if fit is None:
-        return ()
+        return
     time_s, losses = samples(with_all_heat(record, motor), "losses_W")
     from_s, to_s = float(time_s[max(lead_in(time_s, losses) - 1, 0)]), float(time_s[-1])
     constants = (to_s - from_s) / fit.tau_s
     is_short = constants < FEW_CONSTANTS or fit.log_sd > UNKNOWN_LOG_SD
     is_enough = constants >= ENOUGH_CONSTANTS and not is_short
     if is_enough or settling_constants(record, motor) >= ENOUGH_CONSTANTS:
-        return ()
+        return
     lasts = f"{(to_s - from_s) / 60.0:.0f} min"
     if constants >= ENOUGH_CONSTANTS:
         low, high = fit.tau_s * np.exp([-2.0 * fit.log_sd, 2.0 * fit.log_sd])
@@ -117,20 +119,18 @@ def too_short(record: Record, motor: Motor) -> tuple[Finding, ...]:
             f"after 2 h about {100.0 * later[0]:.1f} % and {100.0 * later[1]:.1f} %."
         )
         remedy = "Extend the load until the temperature settles, and record the cool-down."
-    return (
-        Finding(
-            "too_short",
-            "warning" if is_short else "note",
-            message,
-            place(record, "winding_degC", from_s, to_s),
-            remedy,
-            values={
-                "duration_s": to_s - from_s,
-                "time_constants": constants,
-                "tau_s": fit.tau_s,
-                "tau_log_sd": fit.log_sd,
-            },
-        ),
+    yield Finding(
+        "too_short",
+        "warning" if is_short else "note",
+        message,
+        place(record, "winding_degC", from_s, to_s),
+        remedy,
+        values={
+            "duration_s": to_s - from_s,
+            "time_constants": constants,
+            "tau_s": fit.tau_s,
+            "tau_log_sd": fit.log_sd,
+        },
     )
 
 

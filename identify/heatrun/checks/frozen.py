@@ -9,6 +9,7 @@ Does a reading stand still: a stuck sensor, or a channel at the end of its range
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.rounding import rounding_step
 from ..record.samples import is_loaded, place, runs, samples, with_all_heat
+from ..record.stretch import windows, within
 from .advice import mask_line
 from .quick_fit import QuickFit, quick_fit
 from .time_axis import MAX_GAP_S, MAX_GAP_SHARE
@@ -70,19 +72,11 @@ class Stretch:
     is_live: bool
 
 
-def frozen_stretches(record: Record, motor: Motor) -> tuple[Stretch, ...]:
-    """Return where the winding temperature stands still though heat must have moved it.
-
-    Args:
-        record: Any record.
-        motor: Says which channel is the sink.
-
-    Returns:
-        The stretches in time order; none where the record is too short to tell.
-    """
+def frozen_stretches(record: Record, motor: Motor) -> Iterator[Stretch]:
+    """Yield where the winding stands still though heat must have moved it, in order of time."""
     time_s, winding, losses = samples(with_all_heat(record, motor), "winding_degC", "losses_W")
     if time_s.size < LIVE_SAMPLES:
-        return ()
+        return
     step = rounding_step(winding)
     is_live = step is None or step < LIVE_STEP_K
     first, past = runs(np.diff(winding) == 0.0)
@@ -94,7 +88,6 @@ def frozen_stretches(record: Record, motor: Motor) -> tuple[Stretch, ...]:
     if long.sum() > MAX_TRIED:
         long &= length_s >= np.sort(length_s)[-MAX_TRIED]
     loaded = is_loaded(losses)
-    found = []
     for a, b in zip(first[long], past[long], strict=True):
         from_s, to_s = float(time_s[a]), float(time_s[b])
         lowest, highest, doubt = _expected(record, motor, from_s, to_s)
@@ -104,9 +97,7 @@ def frozen_stretches(record: Record, motor: Motor) -> tuple[Stretch, ...]:
         else:
             is_frozen = expected > MOVED_STEPS * (step or 0.0) + doubt
         if is_frozen:
-            reading = float(winding[a])
-            found.append(Stretch(from_s, to_s, reading, expected, doubt, lowest, is_live))
-    return tuple(found)
+            yield Stretch(from_s, to_s, float(winding[a]), expected, doubt, lowest, is_live)
 
 
 def _expected(
@@ -133,10 +124,6 @@ def hidden_above_top(record: Record, motor: Motor) -> float:
     The network is fitted to all but the samples at the highest reading, and tells how far they
     should have gone beyond it.
 
-    Args:
-        record: Any record.
-        motor: Says which channel is the sink.
-
     Returns:
         Hidden temperature [K]; 0 where no more than rounding and the network's own doubt explain.
     """
@@ -145,18 +132,10 @@ def hidden_above_top(record: Record, motor: Motor) -> float:
     if step is None or step < LIVE_STEP_K:
         return 0.0
     top = float(winding.max())
-    first, past = runs(winding == top)
+    spans = windows(time_s, winding == top)
     # A single crest of a live reading is no top; thousands of runs are flicker, not a cut.
-    if not 0 < first.size <= MAX_TOPS:
-        return 0.0
-    spans = [(float(time_s[a]), float(time_s[b - 1])) for a, b in zip(first, past, strict=True)]
-    fit = quick_fit(record, motor, left_out_s=spans)
-    if fit is None:
-        return 0.0
-    inside = np.zeros(fit.time_s.size, dtype=bool)
-    for from_s, to_s in spans:
-        inside |= (fit.time_s >= from_s) & (fit.time_s <= to_s)
-    if not inside.any():
+    fit = quick_fit(record, motor, left_out_s=spans) if len(spans) <= MAX_TOPS else None
+    if fit is None or not (inside := within(fit.time_s, spans)).any():
         return 0.0
     hidden = float(np.max(fit.fitted_degC[inside])) - top
     return hidden if hidden > MOVED_STEPS * step + _doubt(fit, inside) else 0.0
@@ -182,7 +161,7 @@ LIVE_SHARE = 0.9
 samples differ from the one before [1]; set-points and rounded readings are not."""
 
 
-def sensor_stuck(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def sensor_stuck(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report a winding temperature that stands still though heat flows.
 
     An error if more than 2 K of movement are missing, or the stretch is as long as a gap that is an
@@ -190,18 +169,16 @@ def sensor_stuck(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """
     time_s, winding = samples(record, "winding_degC")
     if time_s.size > 2 and np.ptp(winding) == 0.0:
-        return (
-            Finding(
-                "sensor_stuck",
-                "error",
-                f"Expected a temperature that changes; all {time_s.size} samples read "
-                f"{winding[0]:.2f} °C: nothing can be fitted to them.",
-                place(record, "winding_degC", float(time_s[0]), float(time_s[-1])),
-                "Check the sensor, and which column is mapped as winding_degC.",
-                values={"reading_degC": float(winding[0]), "from_s": float(time_s[0])},
-            ),
+        yield Finding(
+            "sensor_stuck",
+            "error",
+            f"Expected a temperature that changes; all {time_s.size} samples read "
+            f"{winding[0]:.2f} °C: nothing can be fitted to them.",
+            place(record, "winding_degC", float(time_s[0]), float(time_s[-1])),
+            "Check the sensor, and which column is mapped as winding_degC.",
+            values={"reading_degC": float(winding[0]), "from_s": float(time_s[0])},
         )
-    found = []
+        return
     for stretch in frozen_stretches(record, motor):
         lasts_s = stretch.to_s - stretch.from_s
         is_harmful = (
@@ -214,42 +191,35 @@ def sensor_stuck(record: Record, motor: Motor) -> tuple[Finding, ...]:
             if stretch.is_live
             else f"by the heat balance it should change by {stretch.expected_K:.1f} K"
         )
-        found.append(
-            Finding(
-                "sensor_stuck",
-                "error" if is_harmful else "warning",
-                f"The reading is frozen at {stretch.reading_degC:.2f} °C for {lasts_s:.0f} s, but "
-                f"{expected}: these samples would bias the fit.",
-                place(record, "winding_degC", stretch.from_s, stretch.to_s),
-                "Check the sensor. To leave these readings out: "
-                f"{mask_line(record, [(stretch.from_s, stretch.to_s)])}.",
-                values={
-                    "reading_degC": stretch.reading_degC,
-                    "from_s": stretch.from_s,
-                    "to_s": stretch.to_s,
-                    "expected_K": stretch.expected_K,
-                },
-            )
+        yield Finding(
+            "sensor_stuck",
+            "error" if is_harmful else "warning",
+            f"The reading is frozen at {stretch.reading_degC:.2f} °C for {lasts_s:.0f} s, but "
+            f"{expected}: these samples would bias the fit.",
+            place(record, "winding_degC", stretch.from_s, stretch.to_s),
+            "Check the sensor. To leave these readings out: "
+            f"{mask_line(record, [(stretch.from_s, stretch.to_s)])}.",
+            values={
+                "reading_degC": stretch.reading_degC,
+                "from_s": stretch.from_s,
+                "to_s": stretch.to_s,
+                "expected_K": stretch.expected_K,
+            },
         )
-    return tuple(found)
 
 
-def _flat_extreme(values: np.ndarray, extreme: float) -> tuple[np.ndarray, np.ndarray]:
-    """Long runs of samples at an extreme; none if the channel is not live elsewhere."""
-    at_extreme = values == extreme
+def _flat_top(values: np.ndarray, extreme: float) -> np.ndarray:
+    """Which samples stand in long runs at an extreme; none if the channel is not live elsewhere."""
+    at_extreme, flat = values == extreme, np.zeros(values.size, dtype=bool)
     changes = np.diff(values)[~(at_extreme[1:] & at_extreme[:-1])]
-    nothing = np.empty(0, dtype=int)
     if changes.size == 0 or np.mean(changes != 0.0) < LIVE_SHARE:
-        return nothing, nothing
-    first, past = runs(at_extreme)
-    long = past - first >= FLAT_RUN
-    first, past = first[long], past[long]
-    if (past - first).sum() < FLAT_SAMPLES:
-        return nothing, nothing
-    return first, past
+        return flat
+    for first, past in zip(*runs(at_extreme), strict=True):
+        flat[first:past] = past - first >= FLAT_RUN
+    return flat if flat.sum() >= FLAT_SAMPLES else np.zeros_like(flat)
 
 
-def saturation(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def saturation(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report flat tops: the extreme of a channel repeated as no live signal repeats it.
 
     A winding temperature that is rounded repeats values anyway; it is at the end of its range where
@@ -266,37 +236,16 @@ def saturation(record: Record, motor: Motor) -> tuple[Finding, ...]:
             is_rest = abs(extreme) < REST_SHARE * np.max(np.abs(values))
             if is_rest or (word == "lowest" and channel == "winding_degC"):
                 continue
-            first, past = _flat_extreme(values, extreme)
-            if first.size:
-                count = int((past - first).sum())
-                found.append(
-                    _flat(
-                        record,
-                        channel,
-                        word,
-                        extreme,
-                        count,
-                        float(time_s[first[0]]),
-                        float(time_s[past[-1] - 1]),
-                    )
-                )
+            flat = _flat_top(values, extreme)
+            if flat.any():
+                found.append(_flat(record, channel, word, extreme, time_s[flat]))
     time_s, winding = samples(record, "winding_degC")
     if hidden_above_top(record, motor) > 0.0:
-        top = np.flatnonzero(winding == winding.max())
-        found.append(
-            _flat(
-                record,
-                "winding_degC",
-                "highest",
-                float(winding.max()),
-                top.size,
-                float(time_s[top[0]]),
-                float(time_s[top[-1]]),
-            )
-        )
+        top = winding.max()
+        found.append(_flat(record, "winding_degC", "highest", top, time_s[winding == top]))
     of_winding = [one for one in found if "winding_degC" in one.where]
     is_stuck = bool(of_winding) and _sticks(record, motor)
-    return tuple(one for one in found if not (is_stuck and one in of_winding))
+    yield from (one for one in found if not (is_stuck and one in of_winding))
 
 
 def _sticks(record: Record, motor: Motor) -> bool:
@@ -321,21 +270,14 @@ def _sticks(record: Record, motor: Motor) -> bool:
     return False
 
 
-def _flat(
-    record: Record,
-    channel: str,
-    word: str,
-    extreme: float,
-    count: int,
-    from_s: float,
-    to_s: float,
-) -> Finding:
+def _flat(record: Record, channel: str, word: str, extreme: float, at_s: np.ndarray) -> Finding:
     unit = channel.rsplit("_", 1)[1]
+    from_s, to_s = float(at_s[0]), float(at_s[-1])
     return Finding(
         "saturation",
         "error" if channel == "winding_degC" else "warning",
-        f"The signal appears clipped at its {word} value {extreme:.6g} {unit} ({count} samples): "
-        "what lies beyond is missing from the fit.",
+        f"The signal appears clipped at its {word} value {extreme:.6g} {unit} ({at_s.size} samples)"
+        ": what lies beyond is missing from the fit.",
         place(record, channel, from_s, to_s),
         "Check the range of the amplifier and the logger."
         + (
@@ -345,7 +287,7 @@ def _flat(
         ),
         values={
             "extreme": float(extreme),
-            "num_samples": float(count),
+            "num_samples": float(at_s.size),
             "from_s": from_s,
             "to_s": to_s,
         },

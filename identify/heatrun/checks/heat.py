@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ..record.balance_errors import BLOCK_S
@@ -32,7 +34,7 @@ BODIES = ("stator_degC", "tooth_degC", "yoke_degC", "housing_degC", "rotor_degC"
 """Bodies that may warm a winding."""
 
 
-def losses_absent(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def losses_absent(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report a winding that warms while there are no losses.
 
     A cooling curve has none, and a winding may be warmed by its sink or by a warmer stator: it then
@@ -42,29 +44,25 @@ def losses_absent(record: Record, motor: Motor) -> tuple[Finding, ...]:
         with_all_heat(record, motor), "winding_degC", "losses_W", sink_channel(motor)
     )
     if time_s.size == 0 or is_loaded(losses).any():
-        return ()
+        return
     means_s, winding, sink = block_means(time_s, BLOCK_S, winding, sink)
     lowest = np.minimum.accumulate(winding)
     top = int(np.argmax(winding - lowest))
     rise = float(winding[top] - lowest[top])
-    others = [float(np.max(sink))]
-    for body in BODIES:
-        of_body = samples(record, body)[1]
-        others += [float(np.max(of_body))] if of_body.size else []
-    if rise <= UNHEATED_K or winding[top] <= max(others) + UNHEATED_K:
-        return ()
+    others = (samples(record, body)[1] for body in BODIES)
+    hottest = max(np.max(sink), *(np.max(other, initial=-np.inf) for other in others))
+    if rise <= UNHEATED_K or winding[top] <= hottest + UNHEATED_K:
+        return
     begin = int(np.argmin(winding[: top + 1]))
-    return (
-        Finding(
-            "losses_absent",
-            "error",
-            f"Expected losses where the winding warms; it rises by {rise:.0f} K while losses_W is "
-            "0 W throughout. Whatever heats it is not in the record, so nothing can be fitted.",
-            place(record, "losses_W", float(means_s[begin]), float(means_s[top])),
-            "Record the losses, or phase current and resistance where copper is all."
-            + _cooling(record, means_s, winding, float(time_s[-1])),
-            values={"rise_K": rise},
-        ),
+    yield Finding(
+        "losses_absent",
+        "error",
+        f"Expected losses where the winding warms; it rises by {rise:.0f} K while losses_W is "
+        "0 W throughout. Whatever heats it is not in the record, so nothing can be fitted.",
+        place(record, "losses_W", float(means_s[begin]), float(means_s[top])),
+        "Record the losses, or phase current and resistance where copper is all."
+        + _cooling(record, means_s, winding, float(time_s[-1])),
+        values={"rise_K": rise},
     )
 
 
@@ -81,7 +79,7 @@ def _cooling(record: Record, time_s: np.ndarray, winding: np.ndarray, end_s: flo
     )
 
 
-def losses_of_dc_link(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def losses_of_dc_link(record: Record, motor: Motor) -> Iterator[Finding]:
     """Warn of losses that are all the power of a DC link.
 
     A link holds its voltage while its current follows the load. In a coil under direct current,
@@ -113,16 +111,15 @@ def losses_of_dc_link(record: Record, motor: Motor) -> tuple[Finding, ...]:
         if is_shaft_known:
             remedy = "Record electrical_power_W at the motor's terminals, or subtract the losses "
             remedy += "of the inverter."
-        return (
-            Finding(
-                "losses_of_dc_link",
-                "warning",
-                f"Expected the heat of the machine; losses_W is all the power of the DC link "
-                f"(dc_voltage_V·{name}), with the losses of the inverter{shaft}. Capacities come "
-                "out too large and resistances too small by as much: bounds, no estimates.",
-                place(record, "losses_W", float(time_s[0]), float(time_s[-1])),
-                remedy,
-                values={"ratio": float(np.median(ratio))},
-            ),
+        yield Finding(
+            "losses_of_dc_link",
+            "warning",
+            f"Expected the heat of the machine; losses_W is all the power of the DC link "
+            f"(dc_voltage_V·{name}), with the losses of the inverter{shaft}. Capacities come "
+            "out too large and resistances too small by as much: bounds, no estimates.",
+            place(record, "losses_W", float(time_s[0]), float(time_s[-1])),
+            remedy,
+            values={"ratio": float(np.median(ratio))},
         )
-    return ()
+        return
+    return

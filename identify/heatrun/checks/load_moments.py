@@ -83,13 +83,8 @@ def _known(
     time_s: Float[np.ndarray, " step"],
     sd_K: Float[np.ndarray, " step"],
 ) -> Blocks:
-    """Return blocks that know what shocks of unknown sign at some times do to their means.
-
-    Args:
-        blocks: The grid.
-        rate_per_s: Rate at which a shock decays, negative [1/s].
-        time_s: When they come, from the begin of the grid [s].
-        sd_K: Their standard deviations at once [K].
+    """Return blocks that know what shocks of unknown sign, at times from the begin of the grid and
+    with standard deviations at once, do to their means: they decay at a rate, negative [1/s].
     """
     step_s, per_block = float(blocks.means["step"]), blocks.weight.shape[1]
     num = blocks.num_blocks * per_block

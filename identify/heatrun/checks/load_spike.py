@@ -7,7 +7,9 @@ does not, was not there.
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -16,7 +18,7 @@ from ..record.channels import CHANNEL
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.samples import is_measured, place, runs, samples
-from ..record.stretch import bridge, windows
+from ..record.stretch import bridge, windows, within
 from ..record.units import find_unit
 from .advice import section_of, windows_text
 from .quick_fit import quick_fit
@@ -53,13 +55,12 @@ STEADY = 0.5
 draws more than its load, for a moment."""
 
 
-def load_spike(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def load_spike(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report samples of current, powers, torque, speed or voltage that no machine had.
 
     Told by a value far beyond all else of its channel that is a marker, that the recorded losses
     contradict, or whose heat the winding does not show.
     """
-    found = []
     read = {one.channel: one for one in record.mapping}
     for name in record.channels:
         if name not in CHANNEL or CHANNEL[name].quantity not in QUANTITIES:
@@ -71,7 +72,7 @@ def load_spike(record: Record, motor: Motor) -> tuple[Finding, ...]:
         if not is_far.any():
             continue
         first, past = runs(is_far)
-        spans = [(float(time_s[a]), float(time_s[b - 1])) for a, b in zip(first, past, strict=True)]
+        spans = windows(time_s, is_far)
         largest = float(values[np.argmax(np.abs(values))])
         unit = find_unit(read[name].unit, CHANNEL[name].quantity) if name in read else None
         why = [_marker(largest / (unit.factor if unit else 1.0))]
@@ -83,25 +84,22 @@ def load_spike(record: Record, motor: Motor) -> tuple[Finding, ...]:
         step_s = float(np.median(np.diff(time_s)))
         lasts_s = float(np.sum(past - first)) * step_s
         times = f"{rounded(abs(largest) / rest)} times the next largest value" if rest else ""
-        found.append(
-            Finding(
-                "load_spike",
-                "error",
-                f"{name} reads {largest:.6g} {CHANNEL[name].unit} for {lasts_s:.3g} s"
-                f"{f', {times}' if times else ''}: {', and '.join(why)}.",
-                place(record, name, spans[0][0], spans[-1][1]),
-                f"To run straight over it: {section_of(record)} bridge = {windows_text(spans)} in "
-                "the motor file. Find out what the logger writes for a value that is not valid.",
-                values={
-                    "largest": largest,
-                    "times_the_next": abs(largest) / rest if rest else math.inf,
-                    "num_samples": float(np.sum(is_far)),
-                    "from_s": spans[0][0],
-                    "to_s": spans[-1][1],
-                },
-            )
+        yield Finding(
+            "load_spike",
+            "error",
+            f"{name} reads {largest:.6g} {CHANNEL[name].unit} for {lasts_s:.3g} s"
+            f"{f', {times}' if times else ''}: {', and '.join(why)}.",
+            place(record, name, spans[0][0], spans[-1][1]),
+            f"To run straight over it: {section_of(record)} bridge = {windows_text(spans)} in "
+            "the motor file. Find out what the logger writes for a value that is not valid.",
+            values={
+                "largest": largest,
+                "times_the_next": abs(largest) / rest if rest else math.inf,
+                "num_samples": float(np.sum(is_far)),
+                "from_s": spans[0][0],
+                "to_s": spans[-1][1],
+            },
         )
-    return tuple(found)
 
 
 def spike_windows(record: Record, finding: Finding) -> list[tuple[float, float]]:
@@ -125,14 +123,6 @@ def _beyond(values: np.ndarray) -> tuple[np.ndarray, float]:
     return size > tail[at], float(tail[at])
 
 
-def windows_mask(time_s: np.ndarray, spans: list[tuple[float, float]]) -> np.ndarray:
-    """Return which times lie in one of some windows, shape (time,)."""
-    inside = np.zeros(time_s.size, dtype=bool)
-    for low, high in spans:
-        inside |= (time_s >= low) & (time_s <= high)
-    return inside
-
-
 def _is_steady(values: np.ndarray, first: np.ndarray, past: np.ndarray, rest: float) -> bool:
     """Whether the load is the same before and after all bursts."""
     before = values[np.maximum(first - 1, 0)]
@@ -143,17 +133,11 @@ def _is_steady(values: np.ndarray, first: np.ndarray, past: np.ndarray, rest: fl
 def _marker(value: float) -> str:
     """Return what a value in the unit of its column is known as, empty if it is none."""
     size = abs(value)
-    for bits in BITS:
-        for scale in SCALES:
-            for whole in (2.0**bits - 1.0, 2.0**bits):
-                is_signed = whole == 2.0**bits and value < 0.0
-                if whole == 2.0**bits and not is_signed:
-                    continue
-                if abs(size * scale - whole) <= MARKER_TOLERANCE * whole:
-                    shown = f"0x{int(whole):X}" + (
-                        f" in units of 1/{scale:.0f}" if scale > 1 else ""
-                    )
-                    return f"{shown}, the marker of a signal that is not valid"
+    for bits, scale in itertools.product(BITS, SCALES):
+        for whole in (2.0**bits - 1.0, 2.0**bits) if value < 0.0 else (2.0**bits - 1.0,):
+            if abs(size * scale - whole) <= MARKER_TOLERANCE * whole:
+                units = f" in units of 1/{scale:.0f}" if scale > 1 else ""
+                return f"0x{int(whole):X}{units}, the marker of a signal that is not valid"
     digits = f"{size:.10g}".replace(".", "").rstrip("0")
     if len(digits) >= 4 and set(digits) == {"9"}:
         return "the overrange of an instrument"
@@ -172,7 +156,7 @@ def _contradiction(
     )
     if time_s.size < 3:
         return ""
-    inside = windows_mask(time_s, spans)
+    inside = within(time_s, spans)
     if not inside.any() or inside.all():
         return ""
     quantity = CHANNEL[name].quantity

@@ -5,6 +5,7 @@ Losses that are nearly torque times speed: are they losses at all?
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -76,10 +77,6 @@ def _copper_and_total(record: Record, motor: Motor) -> tuple[np.ndarray, ...]:
 def copper_shares(record: Record, motor: Motor) -> tuple[np.ndarray, np.ndarray]:
     """Return the share of the copper loss in the total, block by block while current flows.
 
-    Args:
-        record: Any record.
-        motor: The machine.
-
     Returns:
         Times [s] and shares [1], shape (blocks,), infinite where the total is zero or less; empty
         without a balance or a resistance.
@@ -97,7 +94,7 @@ def share_in_words(copper_share: float) -> str:
     return "zero or less" if np.isinf(copper_share) else part_of(1.0 / copper_share, "it")
 
 
-def losses_below_copper(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def losses_below_copper(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report a measured total that is less than the copper loss alone.
 
     Needs `phase_resistance_ohm` and losses that are a balance. An error if it holds for most of the
@@ -109,40 +106,38 @@ def losses_below_copper(record: Record, motor: Motor) -> tuple[Finding, ...]:
     below = share > 1.0 + COPPER_TOLERANCE
     first, past = runs(below)
     if first.size == 0:
-        return ()
+        return
     is_most = float(np.mean(below)) > MOST
     longest = int(np.argmax(past - first))
     from_s, to_s = float(time_s[first[longest]]), float(time_s[past[longest] - 1])
     if not is_most and to_s - from_s + BLOCK_S < SUSTAINED_S:
-        return ()
+        return
     typical = float(np.median(share[below]))
     is_far = float(np.mean(share > FAR_ABOVE)) > OFTEN
     is_firm = float(np.mean(share > 1.0 + FIRM_TOLERANCE)) > MOST
     is_explained = shaft_explains(record, motor)
     is_told = is_explained and bool(own_errors(record, motor))
     severity = "error" if (is_firm or is_far) and not is_explained else "warning"
-    return (
-        Finding(
-            "losses_below_copper",
-            "note" if is_told else severity,
-            f"Expected losses above the copper loss; in {100.0 * np.mean(below):.0f} % of the time "
-            f"under current they are {share_in_words(typical)}. Every thermal resistance and "
-            "capacity would be biased.",
-            place(record, "losses_W", from_s, to_s),
-            TOLD
-            if is_told
-            else "Check whether phase_current_A is an amplitude (factor 2 in the copper loss; then "
-            'phase_current_A = "COLUMN [A_peak]" in [columns]), whether phase_resistance_ohm was '
-            "measured between terminals (factor 2 in star, 2/3 in delta), whether phases is right "
-            "(1 for a coil), whether the losses are complete, and whether torque and power have "
-            "one scale ([parameters.shaft_power_gain] sd says how far they may differ).",
-            values={
-                "share_of_time": float(np.mean(below)),
-                "copper_share": typical,
-                "from_s": from_s,
-                "to_s": to_s,
-            },
-        ),
+    yield Finding(
+        "losses_below_copper",
+        "note" if is_told else severity,
+        f"Expected losses above the copper loss; in {100.0 * np.mean(below):.0f} % of the time "
+        f"under current they are {share_in_words(typical)}. Every thermal resistance and "
+        "capacity would be biased.",
+        place(record, "losses_W", from_s, to_s),
+        TOLD
+        if is_told
+        else "Check whether phase_current_A is an amplitude (factor 2 in the copper loss; then "
+        'phase_current_A = "COLUMN [A_peak]" in [columns]), whether phase_resistance_ohm was '
+        "measured between terminals (factor 2 in star, 2/3 in delta), whether phases is right "
+        "(1 for a coil), whether the losses are complete, and whether torque and power have "
+        "one scale ([parameters.shaft_power_gain] sd says how far they may differ).",
+        values={
+            "share_of_time": float(np.mean(below)),
+            "copper_share": typical,
+            "from_s": from_s,
+            "to_s": to_s,
+        },
     )
 
 
@@ -160,10 +155,7 @@ def shaft_explains(record: Record, motor: Motor) -> bool:
 def _shaft_error_W(record: Record, motor: Motor, *beside: str) -> np.ndarray:
     """Return the error of the mechanical power that a fit allows for [W], empty without a shaft.
 
-    Args:
-        record: Any record.
-        motor: Says how far torque and power may differ.
-        beside: Channels whose blocks these are to be.
+    It is in the blocks in which the channels `beside` are known.
     """
     shaft = recorded_shaft_power(record.channels)
     if shaft is None:
@@ -184,7 +176,7 @@ def _holds(explained: np.ndarray) -> bool:
     return explained.size > 0 and float(np.mean(explained)) > EXPLAINED
 
 
-def current_amplitude(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def current_amplitude(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report a current that looks like an amplitude where rms is expected.
 
     With an amplitude the copper loss comes out twice too large. Where it then exceeds the measured
@@ -192,30 +184,27 @@ def current_amplitude(record: Record, motor: Motor) -> tuple[Finding, ...]:
     turns, or may do so.
     """
     time_s, share = copper_shares(record, motor)
-    if share.size < 3 or losses_below_copper(record, motor):
-        return ()
+    if share.size < 3 or any(losses_below_copper(record, motor)):
+        return
     typical = float(np.median(share))
     speed_s, speed = samples(record, "speed_rpm")
     turns = speed_s.size > 0 and float(np.median(np.abs(speed))) > STANDSTILL_RPM
     if typical <= 1.0 - COPPER_TOLERANCE or (speed_s.size > 0 and not turns):
-        return ()
-    return (
-        Finding(
-            "current_amplitude",
-            "warning" if turns else "note",
-            "Expected rms values; read as rms, the copper loss is "
-            f"{part_of(typical, 'the losses')}; read as amplitudes, "
-            f"{part_of(typical / AMPLITUDE_SQUARED, 'them')}. A wrong reading doubles the copper "
-            "loss.",
-            place(record, "phase_current_A", float(time_s[0]), float(time_s[-1])),
-            "If the column holds amplitudes, say so in [columns]: "
-            'phase_current_A = "COLUMN [A_peak]".',
-            values={"copper_share": typical, "copper_share_halved": typical / AMPLITUDE_SQUARED},
-        ),
+        return
+    yield Finding(
+        "current_amplitude",
+        "warning" if turns else "note",
+        "Expected rms values; read as rms, the copper loss is "
+        f"{part_of(typical, 'the losses')}; read as amplitudes, "
+        f"{part_of(typical / AMPLITUDE_SQUARED, 'them')}. A wrong reading doubles the copper "
+        "loss.",
+        place(record, "phase_current_A", float(time_s[0]), float(time_s[-1])),
+        'If the column holds amplitudes, say so in [columns]: phase_current_A = "COLUMN [A_peak]".',
+        values={"copper_share": typical, "copper_share_halved": typical / AMPLITUDE_SQUARED},
     )
 
 
-def losses_negative(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def losses_negative(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report losses below zero: an error if sustained for 30 s, a warning if isolated.
 
     A warning too where the error that is allowed for the mechanical power (`shaft_power_gain`)
@@ -226,7 +215,7 @@ def losses_negative(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """
     time_s, losses = samples(record, "losses_W")
     if time_s.size < 3:
-        return ()
+        return
     means_s, means = block_means(time_s, BLOCK_S, losses)
     peak = float(np.quantile(np.abs(losses), 0.99))
     floor = -NEGATIVE_SHARE * peak
@@ -248,26 +237,24 @@ def losses_negative(record: Record, motor: Motor) -> tuple[Finding, ...]:
         at = time_s[isolated] if isolated.any() else means_s[is_negative]
         severity, from_s, to_s = "warning", at[0], at[-1]
     else:
-        return ()
+        return
     lowest = float(losses.min())
-    return (
-        Finding(
-            "losses_negative",
-            severity,
-            f"Expected losses of at least 0 W; {int(np.sum(losses < floor))} samples are "
-            f"negative, down to {lowest:.3g} W. Negative losses would cool the model.",
-            place(record, "losses_W", float(from_s), float(to_s)),
-            TOLD
-            if severity == "note"
-            else "Check the signs of electrical and mechanical power, braking, and zero and gain "
-            "of the torque ([parameters.shaft_power_gain] sd says how far it may be off).",
-            values={
-                "lowest_W": lowest,
-                "num_samples": float(np.sum(losses < floor)),
-                "from_s": float(from_s),
-                "to_s": float(to_s),
-            },
-        ),
+    yield Finding(
+        "losses_negative",
+        severity,
+        f"Expected losses of at least 0 W; {int(np.sum(losses < floor))} samples are "
+        f"negative, down to {lowest:.3g} W. Negative losses would cool the model.",
+        place(record, "losses_W", float(from_s), float(to_s)),
+        TOLD
+        if severity == "note"
+        else "Check the signs of electrical and mechanical power, braking, and zero and gain "
+        "of the torque ([parameters.shaft_power_gain] sd says how far it may be off).",
+        values={
+            "lowest_W": lowest,
+            "num_samples": float(np.sum(losses < floor)),
+            "from_s": float(from_s),
+            "to_s": float(to_s),
+        },
     )
 
 
@@ -288,7 +275,7 @@ MOST_COPPER = 0.5
 """Copper loss over such losses [1] above which they may be losses all the same."""
 
 
-def losses_of_shaft(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def losses_of_shaft(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report recorded losses that are nearly torque times speed.
 
     They are the input power, or the shaft's own. An error where the load varies and the copper
@@ -297,7 +284,7 @@ def losses_of_shaft(record: Record, motor: Motor) -> tuple[Finding, ...]:
     shaft = recorded_shaft_power(record.channels) if motor.losses == "balance" else None
     reading = next((one for one in record.mapping if one.channel == "losses_W"), None)
     if shaft is None or reading is None or reading.unit_from == "derived":
-        return ()
+        return
     channels = {**record.channels, "mechanical_power_W": np.abs(shaft)}
     time_s, losses, power = samples(
         replace(record, channels=channels), "losses_W", "mechanical_power_W"
@@ -305,7 +292,7 @@ def losses_of_shaft(record: Record, motor: Motor) -> tuple[Finding, ...]:
     time_s, losses, power = block_means(time_s, BLOCK_S, losses, power)
     is_driven = power > LEAST_POWER * np.max(power, initial=0.0)
     if np.sum(is_driven) < 6 or not np.all(losses[is_driven] > 0.0):
-        return ()
+        return
     ratio = losses[is_driven] / power[is_driven]
     is_near = (ratio > LEAST_RATIO) & (ratio < MOST_RATIO)
     _, share = copper_shares(record, motor)
@@ -315,27 +302,25 @@ def losses_of_shaft(record: Record, motor: Motor) -> tuple[Finding, ...]:
         or float(np.std(np.log(ratio))) > SPREAD
         or (copper is not None and copper > MOST_COPPER)
     ):
-        return ()
+        return
     typical = float(np.median(ratio))
     is_output = float(np.quantile(np.abs(ratio - 1.0), HOLDS)) < SAME_POWER
     is_varied = float(np.ptp(power[is_driven])) > 0.3 * float(np.max(power))
     line = f'"{reading.column}" under [columns]'
-    return (
-        Finding(
-            "losses_of_shaft",
-            "error" if is_varied and copper is not None else "warning",
-            f"Expected losses; losses_W is {typical:.3g} times torque·omega at every load: "
-            + (
-                "it is the power of the shaft."
-                if is_output
-                else f"it is the input power, at an efficiency of {100.0 / typical:.0f} %."
-            ),
-            place(record, "losses_W", float(time_s[0]), float(time_s[-1])),
-            f"Write mechanical_power_W = {line} in place of losses_W, and record the electrical "
-            "power: the losses are the difference."
+    yield Finding(
+        "losses_of_shaft",
+        "error" if is_varied and copper is not None else "warning",
+        f"Expected losses; losses_W is {typical:.3g} times torque·omega at every load: "
+        + (
+            "it is the power of the shaft."
             if is_output
-            else f"Write electrical_power_W = {line} in place of losses_W: the losses are then "
-            "what the shaft does not take.",
-            values={"ratio": typical, "is_output": float(is_output)},
+            else f"it is the input power, at an efficiency of {100.0 / typical:.0f} %."
         ),
+        place(record, "losses_W", float(time_s[0]), float(time_s[-1])),
+        f"Write mechanical_power_W = {line} in place of losses_W, and record the electrical "
+        "power: the losses are the difference."
+        if is_output
+        else f"Write electrical_power_W = {line} in place of losses_W: the losses are then "
+        "what the shaft does not take.",
+        values={"ratio": typical, "is_output": float(is_output)},
     )

@@ -22,13 +22,7 @@ OF_THE_READING = ("sensor_detached", "temperature_jump", "sensor_stuck")
 
 
 def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Motor]:
-    """Return record and motor as they would be without a fault; as they are where none is known.
-
-    Args:
-        record: The record.
-        motor: The machine.
-        finding: About it.
-    """
+    """Return record and motor as they would be without a fault; as they are where none is known."""
     if finding.id == "sensors_differ" and "factor" in finding.values:
         channel = finding.where.rpartition(", ")[2]
         values = np.asarray(record[channel], dtype=float) * (finding.values["factor"] or 1.0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ..record.channels import BODIES
@@ -49,11 +51,10 @@ REMEDY: dict[Severity, str] = {
 }
 
 
-def missing_channel(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def missing_channel(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report each channel that a fit needs and the record does not have, or has at another
     length.
     """
-    found = []
     for channel in needed_channels(record, motor):
         if channel not in record:
             have = ", ".join(record.channels) or "none"
@@ -75,8 +76,7 @@ def missing_channel(record: Record, motor: Motor) -> tuple[Finding, ...]:
             remedy += "direct current: the temperature follows by R(T)."
         remedy += _beside_a_power(channel, record)
         where = ", ".join(part for part in (record.name, channel) if part)
-        found.append(Finding("missing_channel", "error", message, where, remedy))
-    return tuple(found)
+        yield Finding("missing_channel", "error", message, where, remedy)
 
 
 def _beside_a_power(channel: str, record: Record) -> str:
@@ -92,29 +92,27 @@ def _beside_a_power(channel: str, record: Record) -> str:
     return ""
 
 
-def too_few_samples(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def too_few_samples(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report a record with fewer usable samples than unknowns can be drawn from."""
     needed = needed_channels(record, motor)
     if any(channel not in record for channel in needed):
-        return ()  # `missing_channel` says why there are none
+        return
     usable = samples(record, *needed[1:])[0].size
     if usable >= MIN_SAMPLES:
-        return ()
+        return
     total = len(record.time_s)
-    return (
-        Finding(
-            "too_few_samples",
-            "error",
-            f"Expected at least {MIN_SAMPLES} samples with all needed channels, got {usable} of "
-            f"{total} rows: too few to fit.",
-            record.name,
-            "Check that the file is complete and its columns are mapped correctly.",
-            values={"num_usable": float(usable), "num_rows": float(total)},
-        ),
+    yield Finding(
+        "too_few_samples",
+        "error",
+        f"Expected at least {MIN_SAMPLES} samples with all needed channels, got {usable} of "
+        f"{total} rows: too few to fit.",
+        record.name,
+        "Check that the file is complete and its columns are mapped correctly.",
+        values={"num_usable": float(usable), "num_rows": float(total)},
     )
 
 
-def nan_block(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def nan_block(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report missing values: isolated ones as warnings, blocks in a needed channel as errors.
 
     Infinities and numbers of 1e12 and more count as missing. In channels that no fit needs any
@@ -122,7 +120,6 @@ def nan_block(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """
     needed = needed_channels(record, motor)
     step_s = median_step(samples(record)[0])
-    found = []
     for channel, column in record.channels.items():
         values = np.asarray(column, dtype=float)
         missing = ~is_measured(values)
@@ -153,24 +150,21 @@ def nan_block(record: Record, motor: Motor) -> tuple[Finding, ...]:
             where = f"{record.name}, {channel}, samples {begin} to {end}".removeprefix(", ")
         else:
             where = place(record, channel, from_s, to_s)
-        found.append(
-            Finding(
-                "nan_block",
-                severity,
-                f"Expected a number in every sample; {int(lengths.sum())} are missing "
-                f"({100.0 * share:.1f} %) in {lengths.size} stretches, the longest of {longest} "
-                f"samples ({duration_s:.3g} s).{_overrange(values[missing])} {MEANING[severity]}",
-                where,
-                REMEDY[severity] + (advice if severity == "error" else ""),
-                values={
-                    "num_missing": float(lengths.sum()),
-                    "share": share,
-                    "longest_s": duration_s,
-                    "first_sample": float(begin),
-                },
-            )
+        yield Finding(
+            "nan_block",
+            severity,
+            f"Expected a number in every sample; {int(lengths.sum())} are missing "
+            f"({100.0 * share:.1f} %) in {lengths.size} stretches, the longest of {longest} "
+            f"samples ({duration_s:.3g} s).{_overrange(values[missing])} {MEANING[severity]}",
+            where,
+            REMEDY[severity] + (advice if severity == "error" else ""),
+            values={
+                "num_missing": float(lengths.sum()),
+                "share": share,
+                "longest_s": duration_s,
+                "first_sample": float(begin),
+            },
         )
-    return tuple(found)
 
 
 def _overrange(missing: np.ndarray) -> str:
@@ -186,12 +180,6 @@ def _without(record: Record, channel: str, first: np.ndarray, past: np.ndarray) 
 
     Readings of winding and bodies are not compared there, and all else is simulated through; what
     drives the model must be there, so that of other channels the parts between are used.
-
-    Args:
-        record: The record.
-        channel: What is missing.
-        first: First sample of each stretch.
-        past: One past its last.
     """
     time_s = record.time_s
     if not first.size or channel == "time_s" or not np.isfinite(time_s).all():

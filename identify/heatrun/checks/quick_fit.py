@@ -154,12 +154,10 @@ class Course:
 def first_order(
     values: Float[np.ndarray, "... time"], decay: ArrayLike
 ) -> Float[np.ndarray, "... time"]:
-    """Return finite values behind a first-order lag of unit gain, from 0 on.
+    """Return finite values on an even grid behind a first-order lag of unit gain, from 0 on.
 
-    Args:
-        values: On an even grid, in any unit.
-        decay: What is left of the lag after a step, 0 to 1 [1]; of several lags, along an axis
-            before that of the time.
+    The decay is what is left of the lag after a step, 0 to 1 [1]; of several lags, along an axis
+    before that of the time.
     """
     # by doubling, as SciPy has a filter for it that takes longer to load than all of this
     decay = np.asarray(decay)
@@ -334,12 +332,9 @@ def solved(
 ) -> Solved:
     """Solve linear least squares at each point of a grid.
 
-    Args:
-        gram: Products of what explains with each other.
-        moment: With what is to be explained.
-        total: Of that with itself.
-        penalty: Of the square of each coefficient.
-        num_positive: So many of the first coefficients may not be negative.
+    `gram` and `moment` are products of what explains with each other and with what is to be
+    explained, `total` that of the latter with itself; a penalty is on the square of each
+    coefficient, and so many of the first coefficients may not be negative.
     """
     num = moment.shape[1]
     size = np.sqrt(np.maximum(np.diagonal(gram, axis1=1, axis2=2), 0.0))
@@ -483,12 +478,8 @@ def solved_decays(
 ) -> Solved:
     """Solve for a sum of decays, whose sizes at the first time are not negative, at each point.
 
-    Args:
-        time_s: Increasing times.
-        values: Of a course without load, or under one that is constant.
-        taus_s: Time constants of each point.
-        has_rest: The course tends to a rest that is no decay: the last coefficient, and then no
-            coefficient has a sign.
+    Where the course, without load or under one that is constant, tends to a rest that is no decay,
+    the last coefficient is the rest, and no coefficient has a sign.
     """
     terms = np.exp((time_s[0] - time_s) / taus_s[:, :, None])
     if has_rest:

@@ -8,7 +8,7 @@ in W, the other one tells.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,7 +108,7 @@ POWERS: tuple[Twice, ...] = (
 TWICE = (*_derived("phase_current_A", CURRENTS), *POWERS, *_derived("losses_W", THOUSANDS))
 
 
-def columns_disagree(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def columns_disagree(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report quantities that the columns of a record give twice and not alike.
 
     A warning beyond `AGREE`, an error beyond `REFUSED`: then a unit, a factor or a column is wrong,
@@ -116,7 +116,6 @@ def columns_disagree(record: Record, motor: Motor) -> tuple[Finding, ...]:
     shaft's power makes of their difference.
     """
     columns = {reading.channel: reading.column for reading in record.mapping}
-    found: list[Finding] = []
     told: set[str] = set()
     for twice in TWICE:
         given = twice.way.channel
@@ -126,9 +125,8 @@ def columns_disagree(record: Record, motor: Motor) -> tuple[Finding, ...]:
             continue
         finding = _compared(record, motor, twice, columns)
         if finding is not None:
-            found.append(finding)
+            yield finding
             told.add(given)
-    return tuple(found)
 
 
 def _compared(
@@ -163,7 +161,9 @@ def _compared(
         return None  # within the errors of a small difference, or the inverter's
     likely = f" That is the factor where {cause}." if cause else ""
     named = ", ".join(f"'{columns[name]}'" for name in (way.channel, *way.needs))
-    silence = " and ".join(f'{name} = "none"' for name in _droppable(way.needs))
+    # without these the other way to the quantity is gone
+    needed = way.needs if way.needs == ("i_d_A", "i_q_A") else way.needs[:1]
+    silence = " and ".join(f'{name} = "none"' for name in needed)
     formula = way.formula.removesuffix(AMPLITUDE_INVARIANT).removesuffix(WITH_INVERTER)
     limit = "at most " if twice.is_upper else ""
     return Finding(
@@ -179,12 +179,10 @@ def _compared(
 
 
 def _meaning(ratio: float, twice: Twice, room: float) -> str:
-    """Return what the ratio would mean, empty where it is near no known factor.
+    """Return what the ratio of a column to what was computed would mean, empty if it is no known
+    factor.
 
-    Args:
-        ratio: Of the column to what was computed [1].
-        twice: The quantity.
-        room: Share of what was computed that may be the quantity at least [1]; 1 for all of it.
+    Of what was computed the quantity may be a share at least; 1 for all of it.
     """
     if ratio < 0.0:
         return f"one of the two has the other sign: {twice.way.channel} or the powers"
@@ -192,8 +190,3 @@ def _meaning(ratio: float, twice: Twice, room: float) -> str:
         if math.log(room) - NEAR < math.log(ratio / factor) < NEAR:
             return text.format(twice.way.channel)
     return ""
-
-
-def _droppable(needs: Sequence[str]) -> Sequence[str]:
-    """Return the channels without which the other way to the quantity is gone."""
-    return needs if needs == ("i_d_A", "i_q_A") else needs[:1]

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.rounding import rounding_step
 from ..record.samples import is_loaded, place, runs, samples, sink_channel, with_all_heat
+from ..record.stretch import windows
 from .advice import mask_line, use_line
 from .unexplained import WINDOWS_S, Movement, unexplained_movement
 
@@ -62,18 +65,19 @@ def _looks_like_kelvin(temperature: np.ndarray) -> bool:
     return bool(np.min(temperature) > 230.0 and np.median(temperature) < 500.0)
 
 
-def temperature_jump(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def temperature_jump(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report temperatures that move as no heat moves them.
 
     Of any machine, as `jumps_at_once`; of this one, as `unexplained_movement`. What is a fall to
     the sink belongs to `sensor_detached`.
     """
-    found = jumps_at_once(record, motor)
+    found = tuple(jumps_at_once(record, motor))
+    yield from found
     if any("winding_degC" in finding.where for finding in found):
-        return found
+        return
     moved = unexplained_movement(record, motor)
     if moved is None or is_fall(record, motor, moved):
-        return found
+        return
     change = moved.to_degC - moved.from_degC
     remedy = "Check the sensor for a loose contact or interference."
     remedy += (
@@ -82,35 +86,31 @@ def temperature_jump(record: Record, motor: Motor) -> tuple[Finding, ...]:
         else _without_jump(record, "winding_degC", moved.from_s, is_lasting=True)
     )
     back = f"; it is back at {moved.until_s:.0f} s" if moved.is_back else " and stays so"
-    return (
-        *found,
-        Finding(
-            "temperature_jump",
-            "error",
-            f"The reading changes by {change:+.1f} K within {moved.to_s - moved.from_s:.0f} s, "
-            f"where the heat in the record makes {moved.expected_K:+.1f} K of it{back}. The fit "
-            "would follow the fault.",
-            place(record, "winding_degC", moved.from_s, moved.to_s),
-            remedy,
-            values={
-                "largest_K": change,
-                "expected_K": moved.expected_K,
-                "from_s": moved.from_s,
-                "to_s": moved.to_s,
-                "until_s": moved.until_s,
-            },
-        ),
+    yield Finding(
+        "temperature_jump",
+        "error",
+        f"The reading changes by {change:+.1f} K within {moved.to_s - moved.from_s:.0f} s, "
+        f"where the heat in the record makes {moved.expected_K:+.1f} K of it{back}. The fit "
+        "would follow the fault.",
+        place(record, "winding_degC", moved.from_s, moved.to_s),
+        remedy,
+        values={
+            "largest_K": change,
+            "expected_K": moved.expected_K,
+            "from_s": moved.from_s,
+            "to_s": moved.to_s,
+            "until_s": moved.until_s,
+        },
     )
 
 
-def jumps_at_once(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def jumps_at_once(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report temperatures that move faster than the heat of any machine allows.
 
     The limit is 5 K/s times the step, plus two rounding steps and six standard deviations of the
     noise. A spike is a warning; a shift of the winding temperature that stays is an error, since a
     fit would explain it by heat.
     """
-    found = []
     for channel in ("winding_degC", "stator_degC", "ambient_degC", "coolant_degC"):
         time_s, temperature = samples(record, channel)
         if time_s.size < 3:
@@ -133,26 +133,23 @@ def jumps_at_once(record: Record, motor: Motor) -> tuple[Finding, ...]:
         worst = int(jumps[np.argmax(np.abs(np.diff(temperature))[jumps])])
         change = float(temperature[worst + 1] - temperature[worst])
         limit = float(limits[worst])
-        found.append(
-            Finding(
-                "temperature_jump",
-                "error" if is_error else "warning",
-                f"Expected changes within {limit:.2f} K in {steps[worst]:.3g} s; the largest is "
-                f"{change:+.1f} K ({jumps.size} such jumps, {int(lasting.sum())} of them lasting). "
-                "No temperature of a machine jumps; the fit would follow the fault.",
-                place(record, channel, float(time_s[worst]), float(time_s[worst + 1])),
-                "Check the sensor for a loose contact or interference."
-                + _without_jump(record, channel, float(time_s[worst]), bool(lasting.any())),
-                values={
-                    "num_jumps": float(jumps.size),
-                    "num_lasting": float(lasting.sum()),
-                    "largest_K": change,
-                    "limit_K": limit,
-                    "from_s": float(time_s[worst]),
-                },
-            )
+        yield Finding(
+            "temperature_jump",
+            "error" if is_error else "warning",
+            f"Expected changes within {limit:.2f} K in {steps[worst]:.3g} s; the largest is "
+            f"{change:+.1f} K ({jumps.size} such jumps, {int(lasting.sum())} of them lasting). "
+            "No temperature of a machine jumps; the fit would follow the fault.",
+            place(record, channel, float(time_s[worst]), float(time_s[worst + 1])),
+            "Check the sensor for a loose contact or interference."
+            + _without_jump(record, channel, float(time_s[worst]), bool(lasting.any())),
+            values={
+                "num_jumps": float(jumps.size),
+                "num_lasting": float(lasting.sum()),
+                "largest_K": change,
+                "limit_K": limit,
+                "from_s": float(time_s[worst]),
+            },
         )
-    return tuple(found)
 
 
 def _without_jump(record: Record, channel: str, at_s: float, is_lasting: bool) -> str:
@@ -164,12 +161,6 @@ def _without_jump(record: Record, channel: str, at_s: float, is_lasting: bool) -
         return ""
     past = float(time_s[min(np.searchsorted(time_s, at_s) + SPIKE_SAMPLES, time_s.size - 1)])
     return f" To leave its readings out: {mask_line(record, [(at_s, past)])}."
-
-
-def _spans(time_s: np.ndarray, first: np.ndarray, past: np.ndarray) -> list[tuple[float, float]]:
-    """Return first and last time of each run of samples [s]."""
-    ends = zip(first, past, strict=True)
-    return [(float(time_s[a]), float(time_s[b - 1])) for a, b in ends]
 
 
 def _open_circuit(temperature: np.ndarray) -> np.ndarray:
@@ -196,7 +187,7 @@ def _falls(time_s: np.ndarray, temperature: np.ndarray, sink: np.ndarray) -> np.
     return (excess_then > MIN_EXCESS_K) & (excess_now < (1.0 - FALL_SHARE) * excess_then)
 
 
-def sensor_detached(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def sensor_detached(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report open-circuit readings, and a reading that leaves the winding for the air.
 
     Fault codes such as 850, 1372, 32767 or -327.68 are told by value and by the leap to them. A
@@ -205,34 +196,31 @@ def sensor_detached(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """
     time_s, winding = samples(record, "winding_degC")
     if time_s.size < 3 or _looks_like_kelvin(winding):
-        return ()
-    found = []
+        return
     is_open = _open_circuit(winding)
     if is_open.any():
-        first, past = runs(is_open)
-        value = float(winding[first[0]])
-        found.append(
-            Finding(
-                "sensor_detached",
-                "error",
-                f"Expected a winding temperature, got {value:.1f} °C, the reading of an open "
-                f"circuit ({int(is_open.sum())} samples in {first.size} stretches). Fitted, they "
-                "would bias every parameter.",
-                place(record, "winding_degC", float(time_s[first[0]]), float(time_s[past[0] - 1])),
-                "Check the sensor and its line. To leave these readings out: "
-                f"{mask_line(record, _spans(time_s, first, past))}.",
-                values={
-                    "reading_degC": value,
-                    "num_samples": float(is_open.sum()),
-                    "from_s": float(time_s[first[0]]),
-                    "to_s": float(time_s[past[0] - 1]),
-                },
-            )
+        spans = windows(time_s, is_open)
+        (from_s, to_s), value = spans[0], float(winding[is_open][0])
+        yield Finding(
+            "sensor_detached",
+            "error",
+            f"Expected a winding temperature, got {value:.1f} °C, the reading of an open "
+            f"circuit ({int(is_open.sum())} samples in {len(spans)} stretches). Fitted, they "
+            "would bias every parameter.",
+            place(record, "winding_degC", from_s, to_s),
+            "Check the sensor and its line. To leave these readings out: "
+            f"{mask_line(record, spans)}.",
+            values={
+                "reading_degC": value,
+                "num_samples": float(is_open.sum()),
+                "from_s": from_s,
+                "to_s": to_s,
+            },
         )
-    if found:
-        return tuple(found)
+        return
     fallen = _fallen(record, motor)
-    return (*found, *((fallen,) if fallen else ()))
+    if fallen is not None:
+        yield fallen
 
 
 def _fallen(record: Record, motor: Motor) -> Finding | None:

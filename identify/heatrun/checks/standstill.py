@@ -8,7 +8,7 @@ current must rise with the temperature as the winding's resistance does.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -78,7 +78,7 @@ class Agreement:
         return abs(self.ratio - 1.0) <= DECISIVE * self.sd
 
 
-def standstill_losses(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def standstill_losses(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report how losses and current agree with the phase resistance while the machine stands still.
 
     Needs the speed, `phase_resistance_ohm`, and three minutes under current in one stretch. Losses
@@ -86,17 +86,15 @@ def standstill_losses(record: Record, motor: Motor) -> tuple[Finding, ...]:
     voltages and currents in d and q that the losses do not come from, their quotient is checked in
     the same way.
     """
-    found = []
     losses = _of_losses(record, motor)
     if losses is not None:
         # in losses from d and q the same current stands once more
         power = 1.0 if DQ in _formula(record) else 2.0
-        found.append(_finding(record, motor, losses, "losses_W", "the losses", power))
+        yield _finding(record, motor, losses, "losses_W", "the losses", power)
     quotient = _of_voltage(record, motor)
     if quotient is not None:
         what = "the powers of voltage and current in d and q"
-        found.append(_finding(record, motor, quotient, "u_q_V", what, 1.0))
-    return tuple(found)
+        yield _finding(record, motor, quotient, "u_q_V", what, 1.0)
 
 
 @dataclass(frozen=True)
@@ -127,7 +125,7 @@ class Rise:
         return self.ohm * (zero + temperature_degC) / (zero + self.mean_degC)
 
 
-def resistance_coefficient(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def resistance_coefficient(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report a resistance that does not rise with the winding's temperature as B says.
 
     Needs a sensor in the winding, and beside it a meter of the resistance (or direct voltage and
@@ -139,7 +137,7 @@ def resistance_coefficient(record: Record, motor: Motor) -> tuple[Finding, ...]:
     if seen is None:
         seen, what, where = _by_losses(record, motor), "losses_W/I² at standstill", "losses_W"
     if seen is None or abs(np.log(seen.above(B))) <= DECISIVE * seen.sd:
-        return ()
+        return
     above, band = seen.above(B), DECISIVE * seen.sd
     usual = [name for name, known in COEFFICIENTS_degC.items()
              if abs(np.log(seen.above(known))) <= band]  # fmt: skip
@@ -156,19 +154,17 @@ def resistance_coefficient(record: Record, motor: Motor) -> tuple[Finding, ...]:
     uncertain = band * (seen.zero_degC + seen.mean_degC)
     right = replace(motor, resistance_coefficient_degC=seen.zero_degC)
     off = float(motor.resistance_ratio(np.asarray(high)) / right.resistance_ratio(np.asarray(high)))
-    return (
-        Finding(
-            "resistance_coefficient",
-            "warning",
-            f"Expected the winding's resistance to rise with B = {B:g} °C; {what} rises with B = "
-            f"{seen.zero_degC:.0f} ± {uncertain:.0f} °C (95 %) between {low:.0f} and {high:.0f} "
-            f"°C. The copper loss at {high:.0f} °C is {abs(100.0 * (off - 1.0)):.0f} % too "
-            f"{'high' if off > 1.0 else 'low'}.",
-            place(record, where, *samples(record, "winding_degC")[0][[0, -1]]),
-            f"Correct the material: [winding] {line}.{leads} If it is right, the sensor rises by "
-            f"{rounded(above, 3)} K where the mean of the winding rises by 1 K: check its place.",
-            values={"coefficient_degC": seen.zero_degC, "coefficient_sd_K": 0.5 * uncertain},
-        ),
+    yield Finding(
+        "resistance_coefficient",
+        "warning",
+        f"Expected the winding's resistance to rise with B = {B:g} °C; {what} rises with B = "
+        f"{seen.zero_degC:.0f} ± {uncertain:.0f} °C (95 %) between {low:.0f} and {high:.0f} "
+        f"°C. The copper loss at {high:.0f} °C is {abs(100.0 * (off - 1.0)):.0f} % too "
+        f"{'high' if off > 1.0 else 'low'}.",
+        place(record, where, *samples(record, "winding_degC")[0][[0, -1]]),
+        f"Correct the material: [winding] {line}.{leads} If it is right, the sensor rises by "
+        f"{rounded(above, 3)} K where the mean of the winding rises by 1 K: check its place.",
+        values={"coefficient_degC": seen.zero_degC, "coefficient_sd_K": 0.5 * uncertain},
     )
 
 
@@ -207,10 +203,7 @@ def _by_losses(record: Record, motor: Motor) -> Rise | None:
 def _rise(temperature: np.ndarray, ohm: np.ndarray, linear: float = 0.0) -> Rise | None:
     """Fit a line to blocks; scatter lasts, as that of a sensor that lags: it counts in full.
 
-    Args:
-        temperature: Of the winding [degC], shape (blocks,).
-        ohm: Its resistance [ohm], shape (blocks,).
-        linear: What instruments may be off between small and large values [1].
+    `linear` is what instruments may be off between small and large values [1].
     """
     if temperature.size < FEWEST_BLOCKS:
         return None
@@ -228,28 +221,21 @@ def _rise(temperature: np.ndarray, ohm: np.ndarray, linear: float = 0.0) -> Rise
     )
 
 
-def current_scale_unchecked(motor: Motor, records: Sequence[Record]) -> tuple[Finding, ...]:
-    """Return the note that no test can show an error of the current's scale; empty if one can.
-
-    Args:
-        motor: The machine.
-        records: All tests of a calibration.
-    """
+def current_scale_unchecked(motor: Motor, records: Sequence[Record]) -> Iterator[Finding]:
+    """Yield the note that no test of a calibration can show an error of the current's scale."""
     has_copper_loss = motor.phase_resistance_ohm is not None or "Rs0" in motor.parameters
-    if not has_copper_loss or any(standstill_losses(record, motor) for record in records):
-        return ()
-    return (
-        Finding(
-            "current_scale_unchecked",
-            "note",
-            "No test has three minutes at standstill under current, so that an error of the "
-            "current's scale cannot be seen: 1 % of it changes the copper loss by 2 %, and the "
-            "winding's Ceq_w and Req_w with it. The 95 % intervals allow for the class of the "
-            "instrument that current_gain states, no more.",
-            motor.path or motor.name,
-            "A few minutes at standstill with a known direct current would show it, or the input "
-            "power by a second instrument. Another class goes into [parameters.current_gain] sd.",
-        ),
+    if not has_copper_loss or any(any(standstill_losses(record, motor)) for record in records):
+        return
+    yield Finding(
+        "current_scale_unchecked",
+        "note",
+        "No test has three minutes at standstill under current, so that an error of the "
+        "current's scale cannot be seen: 1 % of it changes the copper loss by 2 %, and the "
+        "winding's Ceq_w and Req_w with it. The 95 % intervals allow for the class of the "
+        "instrument that current_gain states, no more.",
+        motor.path or motor.name,
+        "A few minutes at standstill with a known direct current would show it, or the input "
+        "power by a second instrument. Another class goes into [parameters.current_gain] sd.",
     )
 
 
@@ -261,11 +247,8 @@ def _of_losses(record: Record, motor: Motor) -> Agreement | None:
         return None
     columns = samples(record, "speed_rpm", "phase_current_A", "losses_W", "winding_degC")
     time_s, speed, current, losses, winding = columns
-    expected = motor.copper_loss_W(current, winding)
-    return _agreement(
-        record, motor, time_s, speed, losses, expected, current, winding,
-        np.hypot(POWER_SD, 2.0 * CURRENT_SD),
-    )  # fmt: skip
+    instruments = float(np.hypot(POWER_SD, 2.0 * CURRENT_SD))
+    return _agreement(record, motor, time_s, speed, losses, current, winding, instruments)
 
 
 def _of_voltage(record: Record, motor: Motor) -> Agreement | None:
@@ -278,13 +261,10 @@ def _of_voltage(record: Record, motor: Motor) -> Agreement | None:
         return None
     channels: dict[str, np.ndarray] = dict(zip(names[2:], axes, strict=True))
     current = np.hypot(channels["i_d_A"], channels["i_q_A"]) / np.sqrt(2.0)
-    expected = motor.copper_loss_W(current, winding)
     power = dq_power(channels, motor.phases)
     # one current stands in both powers: its error enters once
-    return _agreement(
-        record, motor, time_s, speed, power, expected, current, winding,
-        np.hypot(POWER_SD, CURRENT_SD),
-    )  # fmt: skip
+    instruments = float(np.hypot(POWER_SD, CURRENT_SD))
+    return _agreement(record, motor, time_s, speed, power, current, winding, instruments)
 
 
 def _formula(record: Record) -> str:
@@ -300,12 +280,12 @@ def _agreement(
     time_s: np.ndarray,
     speed: np.ndarray,
     measured: np.ndarray,
-    expected: np.ndarray,
     current: np.ndarray,
     winding: np.ndarray,
     instruments: float,
 ) -> Agreement | None:
-    """Compare two powers over the stretches at standstill; None if there is none."""
+    """Compare a power with the copper loss over the stretches at standstill; None without one."""
+    expected = motor.copper_loss_W(current, winding)
     standing = _standing(time_s, speed, expected, measured, current**2, winding)
     if standing is None:
         return None

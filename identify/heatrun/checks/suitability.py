@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from ..io.own_files import is_simulated
@@ -30,10 +30,9 @@ DOUBTS = {id: FINDINGS[id].said for id in with_doubt("parameters", "inputs") if 
 
 
 def doubts(findings: Sequence[Finding]) -> dict[str, list[str]]:
-    """Return what is in doubt about the inputs, with the ids that say so.
+    """Return what is in doubt about the inputs of a record, with the ids that say so.
 
-    Args:
-        findings: About one record; only warnings count, since errors forbid a calibration.
+    Only warnings count, since errors forbid a calibration.
     """
     ids = {one.id for one in findings if one.severity == "warning"}
     found: dict[str, list[str]] = {}
@@ -131,9 +130,6 @@ def as_holdout(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
     """Return the findings of a record as they stand where nothing is fitted to it.
 
     A winding that does not warm forbids a fit, and is no obstacle to a prediction.
-
-    Args:
-        findings: Of the record, as `check_record` returns them.
     """
     return tuple(
         replace(each, severity="warning", message=LITTLE, remedy="")
@@ -147,20 +143,15 @@ NEAR = 0.8
 """Likeness from which a name is one letter or two away from another."""
 
 
-def other_tests(motor: Motor, names: Iterable[str]) -> tuple[Finding, ...]:
-    """Return a finding for each `[tests.NAME]` that is for none of the tests.
+def other_tests(motor: Motor, names: Iterable[str]) -> Iterator[Finding]:
+    """Yield a finding for each `[tests.NAME]` for none of the tests, whose parts end in `_1`, `_2`.
 
     A motor file serves many tests of a machine, so that this is a note; a name that is nearly that
     of a test is a warning, for then a part or a mask is not used that was meant to be.
-
-    Args:
-        motor: The machine.
-        names: Of the records; parts of a test end in `_1`, `_2` and so on.
     """
     given = tuple(dict.fromkeys(names))
     whole = {re.sub(r"_[0-9]+$", "", name) for name in given} | set(given)
     free = [name for name in given if name not in motor.tests]
-    found = []
     for name in motor.tests:
         if name in whole:
             continue
@@ -168,18 +159,15 @@ def other_tests(motor: Motor, names: Iterable[str]) -> tuple[Finding, ...]:
         meant = next((one for one in free if _is_nearly(name, one)), None)
         message = f"{header} of the motor file is for none of the tests that were given ("
         message += f"{', '.join(given)}): what it says of use and mask changes nothing here."
-        found.append(
-            Finding(
-                "other_test",
-                "warning" if meant else "note",
-                message,
-                remedy=f"Did you mean {table_header('tests', meant)}? The name is that of the file "
-                "without its ending."
-                if meant
-                else "Nothing need be done if it is for another test.",
-            )
+        yield Finding(
+            "other_test",
+            "warning" if meant else "note",
+            message,
+            remedy=f"Did you mean {table_header('tests', meant)}? The name is that of the file "
+            "without its ending."
+            if meant
+            else "Nothing need be done if it is for another test.",
         )
-    return tuple(found)
 
 
 def _is_nearly(written: str, name: str) -> bool:
@@ -191,19 +179,17 @@ def _is_nearly(written: str, name: str) -> bool:
     return is_like and re.findall("[0-9]+", one) == re.findall("[0-9]+", other)
 
 
-def simulated_by_heatrun(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def simulated_by_heatrun(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report a virtual record of heatrun's: its temperatures are a model's, and have no noise."""
     columns = (*record.unused, *(reading.column for reading in record.mapping))
     if not is_simulated(columns):
-        return ()
-    return (
-        Finding(
-            id="simulated_by_heatrun",
-            severity="warning",
-            message="Expected a measurement; the columns copper_loss_W, other_loss_W and flow_… "
-            "are those of a virtual record that heatrun simulated. A calibration on it gives back "
-            "the parameters that it was made with, and its intervals say nothing of a machine.",
-            where=record.name,
-            remedy="Name the bench file that the simulation was made from.",
-        ),
+        return
+    yield Finding(
+        id="simulated_by_heatrun",
+        severity="warning",
+        message="Expected a measurement; the columns copper_loss_W, other_loss_W and flow_… "
+        "are those of a virtual record that heatrun simulated. A calibration on it gives back "
+        "the parameters that it was made with, and its intervals say nothing of a machine.",
+        where=record.name,
+        remedy="Name the bench file that the simulation was made from.",
     )

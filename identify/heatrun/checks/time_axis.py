@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ..record.header import split_name
@@ -42,7 +44,7 @@ def _clock(record: Record) -> np.ndarray:
     return time_s[is_measured(time_s)]
 
 
-def time_backwards(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def time_backwards(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report stamps that lie before their predecessor; which part of the record is right is
     unknown.
     """
@@ -50,30 +52,29 @@ def time_backwards(record: Record, motor: Motor) -> tuple[Finding, ...]:
     steps = np.diff(time_s)
     back = np.flatnonzero(steps < 0.0)
     if back.size == 0:
-        return ()
+        return
     if is_sorted_otherwise(record):
-        return (_sorted_otherwise(record, back.size),)
+        yield _sorted_otherwise(record, back.size)
+        return
     first = int(back[0])
     measured = np.flatnonzero(is_measured(np.asarray(record.time_s, dtype=float)))
     row, rows = int(measured[first]) + 1, len(record.time_s)
-    return (
-        Finding(
-            "time_backwards",
-            "error",
-            f"Expected increasing time; at sample {first + 1} it falls from {time_s[first]:.3f} s "
-            f"to {time_s[first + 1]:.3f} s ({back.size} such steps): the order of the samples is "
-            "not known.",
-            place(record, "time_s", float(time_s[first])),
-            f"Check whether the clock was set, or the file holds two tests. If so, split it: "
-            f"{section_of(record)} use_rows = [[1, {row}], [{row + 1}, {rows}]] in the "
-            "motor file.",
-            values={
-                "num_steps": float(back.size),
-                "sample": float(first + 1),
-                "from_s": float(time_s[first]),
-                "largest_s": float(-steps.min()),
-            },
-        ),
+    yield Finding(
+        "time_backwards",
+        "error",
+        f"Expected increasing time; at sample {first + 1} it falls from {time_s[first]:.3f} s "
+        f"to {time_s[first + 1]:.3f} s ({back.size} such steps): the order of the samples is "
+        "not known.",
+        place(record, "time_s", float(time_s[first])),
+        f"Check whether the clock was set, or the file holds two tests. If so, split it: "
+        f"{section_of(record)} use_rows = [[1, {row}], [{row + 1}, {rows}]] in the "
+        "motor file.",
+        values={
+            "num_steps": float(back.size),
+            "sample": float(first + 1),
+            "from_s": float(time_s[first]),
+            "largest_s": float(-steps.min()),
+        },
     )
 
 
@@ -120,7 +121,7 @@ def _sorted_otherwise(record: Record, num_steps: int) -> Finding:
     )
 
 
-def time_duplicate(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def time_duplicate(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report stamps equal to their predecessor.
 
     A few are a warning: rows written twice, which a block average takes in without harm. Many are
@@ -129,32 +130,30 @@ def time_duplicate(record: Record, motor: Motor) -> tuple[Finding, ...]:
     time_s = _clock(record)
     same = np.flatnonzero(np.diff(time_s) == 0.0)
     if same.size == 0:
-        return ()
+        return
     share = same.size / time_s.size
     is_coarse = share > MAX_DUPLICATE_SHARE
-    return (
-        Finding(
-            "time_duplicate",
-            "error" if is_coarse else "warning",
-            f"Expected increasing time; {same.size} samples ({100.0 * share:.1f} %) repeat the "
-            f"time stamp before them, the first is sample {int(same[0]) + 1}."
-            + (
-                " The time stamps are coarser than the sampling."
-                if is_coarse
-                else " The block averages are hardly affected."
-            ),
-            place(record, "time_s", float(time_s[same[0]])),
-            "Export the time with more decimals." if is_coarse else "Check for rows written twice.",
-            values={
-                "num_samples": float(same.size),
-                "share": share,
-                "from_s": float(time_s[same[0]]),
-            },
+    yield Finding(
+        "time_duplicate",
+        "error" if is_coarse else "warning",
+        f"Expected increasing time; {same.size} samples ({100.0 * share:.1f} %) repeat the "
+        f"time stamp before them, the first is sample {int(same[0]) + 1}."
+        + (
+            " The time stamps are coarser than the sampling."
+            if is_coarse
+            else " The block averages are hardly affected."
         ),
+        place(record, "time_s", float(time_s[same[0]])),
+        "Export the time with more decimals." if is_coarse else "Check for rows written twice.",
+        values={
+            "num_samples": float(same.size),
+            "share": share,
+            "from_s": float(time_s[same[0]]),
+        },
     )
 
 
-def time_gap(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def time_gap(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report holes in the time axis: a warning, and an error if they hide what the winding did.
 
     Of one that is bridged (`heatrun.readers.gaps`) its own finding speaks.
@@ -166,56 +165,52 @@ def time_gap(record: Record, motor: Motor) -> tuple[Finding, ...]:
     bridged = [(time_s[k], time_s[k + 1]) in record.masks for k in gaps]
     gaps = gaps[~np.asarray(bridged, dtype=bool)]
     if gaps.size == 0:
-        return ()
+        return
     longest = int(gaps[np.argmax(steps[gaps])])
     missing_s = float(np.sum(steps[gaps] - usual))
     share = missing_s / float(time_s[-1] - time_s[0])
     is_error = steps[longest] > MAX_GAP_S or share > MAX_GAP_SHARE
     ends = [float(time_s[k]) for k in (0, longest, longest + 1, -1)]
     parts = (ends[0], ends[1]), (ends[2], ends[3])
-    return (
-        Finding(
-            "time_gap",
-            "error" if is_error else "warning",
-            f"Expected a sample every {usual:.3g} s; in {gaps.size} gaps {missing_s:.1f} s are "
-            f"missing ({100.0 * share:.1f} % of the test), the longest "
-            f"gap is {steps[longest]:.1f} s. "
-            "The load in a gap is not known, and is interpolated.",
-            place(record, "time_s", float(time_s[longest]), float(time_s[longest + 1])),
-            f"Split the test at the gap: {use_line(record, *parts)}."
-            if is_error
-            else "Check the logger and its storage.",
-            values={
-                "num_gaps": float(gaps.size),
-                "missing_s": missing_s,
-                "longest_s": float(steps[longest]),
-                "from_s": float(time_s[longest]),
-                "to_s": float(time_s[longest + 1]),
-            },
-        ),
+    yield Finding(
+        "time_gap",
+        "error" if is_error else "warning",
+        f"Expected a sample every {usual:.3g} s; in {gaps.size} gaps {missing_s:.1f} s are "
+        f"missing ({100.0 * share:.1f} % of the test), the longest "
+        f"gap is {steps[longest]:.1f} s. "
+        "The load in a gap is not known, and is interpolated.",
+        place(record, "time_s", float(time_s[longest]), float(time_s[longest + 1])),
+        f"Split the test at the gap: {use_line(record, *parts)}."
+        if is_error
+        else "Check the logger and its storage.",
+        values={
+            "num_gaps": float(gaps.size),
+            "missing_s": missing_s,
+            "longest_s": float(steps[longest]),
+            "from_s": float(time_s[longest]),
+            "to_s": float(time_s[longest + 1]),
+        },
     )
 
 
-def time_jitter(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def time_jitter(record: Record, motor: Motor) -> Iterator[Finding]:
     """Note an uneven sampling step, gaps left aside."""
     time_s = samples(record)[0]
     steps = np.diff(time_s)
     usual = median_step(time_s)
     steps = steps[steps <= GAP_STEPS * usual]
     if steps.size < 2:
-        return ()
+        return
     spread = float(np.std(steps) / usual)
     if not spread > MAX_JITTER:
-        return ()
-    return (
-        Finding(
-            "time_jitter",
-            "note",
-            f"Expected an even sampling interval; it varies by {100.0 * spread:.0f} % (standard "
-            f"deviation) about {usual:.3g} s. The fit uses the time stamps as they are.",
-            place(record, "time_s", float(time_s[0]), float(time_s[-1])),
-            values={"relative_spread": spread, "step_s": usual},
-        ),
+        return
+    yield Finding(
+        "time_jitter",
+        "note",
+        f"Expected an even sampling interval; it varies by {100.0 * spread:.0f} % (standard "
+        f"deviation) about {usual:.3g} s. The fit uses the time stamps as they are.",
+        place(record, "time_s", float(time_s[0]), float(time_s[-1])),
+        values={"relative_spread": spread, "step_s": usual},
     )
 
 
@@ -231,35 +226,26 @@ def _suspected_unit(record: Record, step_s: float) -> str:
     )
 
 
-def sampling(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def sampling(record: Record, motor: Motor) -> Iterator[Finding]:
     """Note how the record is sampled; warn if too coarse to see the winding answer a step."""
     time_s = samples(record)[0]
     if time_s.size < 2:
-        return ()
+        return
     usual = median_step(time_s)
     duration_s = float(time_s[-1] - time_s[0])
     is_coarse = usual > COARSE_S
-    suspected = _suspected_unit(record, usual) if is_coarse else ""
-    timing = (
-        f" The instant of a load step is known to ±{usual / 2.0:.3g} s only; the fit estimates it "
-        "as load_timing."
-        if usual >= SLOW_LOGGER_S
-        else ""
-    )
-    return (
-        Finding(
-            "sampling",
-            "warning" if is_coarse else "note",
-            f"{time_s.size} samples at {usual:.3g} s over {duration_s / 60.0:.1f} min."
-            + (
-                f" Expected at most {COARSE_S:.0f} s: Ceq_w shows in the first minute after a step."
-                if is_coarse
-                else ""
-            )
-            + timing
-            + suspected,
-            place(record, "time_s", float(time_s[0]), float(time_s[-1])),
-            "Export at the logger's full sampling rate." if is_coarse else "",
-            values={"num_samples": float(time_s.size), "step_s": usual, "duration_s": duration_s},
-        ),
+    message = f"{time_s.size} samples at {usual:.3g} s over {duration_s / 60.0:.1f} min."
+    if is_coarse:
+        message += f" Expected at most {COARSE_S:.0f} s: Ceq_w shows in the first minute after a "
+        message += "step."
+    if usual >= SLOW_LOGGER_S:
+        message += f" The instant of a load step is known to ±{usual / 2.0:.3g} s only; the fit "
+        message += "estimates it as load_timing."
+    yield Finding(
+        "sampling",
+        "warning" if is_coarse else "note",
+        message + (_suspected_unit(record, usual) if is_coarse else ""),
+        place(record, "time_s", float(time_s[0]), float(time_s[-1])),
+        "Export at the logger's full sampling rate." if is_coarse else "",
+        values={"num_samples": float(time_s.size), "step_s": usual, "duration_s": duration_s},
     )

@@ -80,12 +80,7 @@ class Movement:
 
 
 def unexplained_movement(record: Record, motor: Motor) -> Movement | None:
-    """Return the first movement of the winding's reading that no heat explains, None if none is.
-
-    Args:
-        record: Any record.
-        motor: Says which channel is the sink and what the losses are.
-    """
+    """Return the first movement of the winding's reading that no heat explains, None if none is."""
     course = _course(record, motor)
     if course is None or not course.events(course.time_s.size):
         return None
@@ -134,11 +129,10 @@ class _Course:
                 yield cells
 
     def explained(self, size: int, *, is_firm: bool = True) -> np.ndarray:
-        """Return what heat makes of the reading, by the weights of a beginning [K], shape (cell,).
+        """Return what heat makes of the reading, by the weights of a beginning of so many cells
+        [K].
 
-        Args:
-            size: Cells of the beginning.
-            is_firm: Outliers count nothing; else they count by their size, not its square.
+        Where it is firm, outliers count nothing; else they count by their size, not its square.
         """
         width = max(1, self.widths[1] if len(self.widths) > 1 else 1)
         rows = np.arange(0, size - width, max(1, (size - width) // MAX_ROWS))
@@ -168,9 +162,6 @@ class _Course:
 
         Both regressions must say so: the one takes a first load step for an outlier, the other
         bends to a large one.
-
-        Args:
-            size: Cells of the beginning.
         """
         if size < MIN_CELLS:
             return []

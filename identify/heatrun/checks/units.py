@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ..record.motor import Motor
@@ -95,27 +97,25 @@ def _scaled_finding(
     )
 
 
-def unit_assumed(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def unit_assumed(record: Record, motor: Motor) -> Iterator[Finding]:
     """Note the columns whose unit neither the file nor a name gives."""
     assumed = [one for one in record.mapping if one.unit_from == "assumed"]
     if not assumed:
-        return ()
+        return
     first = assumed[0]
     told = ", ".join(f"{one.channel} in {one.unit} (column '{one.column}')" for one in assumed)
-    return (
-        Finding(
-            "unit_assumed",
-            "note",
-            f"No unit is given in the file or in [columns]; assumed: {told}. A wrong unit scales "
-            "the parameters.",
-            record.name,
-            f'State them: [columns] {first.channel} = "{first.column} [{first.unit}]".',
-            values={"num_columns": float(len(assumed))},
-        ),
+    yield Finding(
+        "unit_assumed",
+        "note",
+        f"No unit is given in the file or in [columns]; assumed: {told}. A wrong unit scales "
+        "the parameters.",
+        record.name,
+        f'State them: [columns] {first.channel} = "{first.column} [{first.unit}]".',
+        values={"num_columns": float(len(assumed))},
     )
 
 
-def units_temperature(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def units_temperature(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report temperatures that look like kelvin or degrees Fahrenheit.
 
     Kelvin is told by value. Fahrenheit is told only where ambient and winding agree at a cold start
@@ -123,7 +123,7 @@ def units_temperature(record: Record, motor: Motor) -> tuple[Finding, ...]:
     climate chamber looks the same: where the motor file decides the unit it is a warning. Tenths of
     degrees are told where the winding is hotter than any and a tenth of its start is the ambient.
     """
-    found = []
+    is_kelvin = False
     for channel, (low, high) in (
         ("ambient_degC", AMBIENT_AS_KELVIN),
         ("coolant_degC", WINDING_AS_KELVIN),
@@ -133,39 +133,34 @@ def units_temperature(record: Record, motor: Motor) -> tuple[Finding, ...]:
         time_s, temperature = samples(record, channel)
         # Start and end both: a winding may reach 253 degC, but it does not start there.
         if time_s.size and low < temperature[0] < high and float(np.min(temperature)) > low:
-            found.append(
-                _unit_finding(record, channel, "kelvin", "error", float(temperature[0]), time_s[0])
-            )
-    if found:
-        return tuple(found)
+            is_kelvin, value = True, float(temperature[0])
+            yield _unit_finding(record, channel, "kelvin", "error", value, time_s[0])
     time_s, winding, ambient, losses = samples(
         with_all_heat(record, motor), "winding_degC", "ambient_degC", "losses_W"
     )
     lead = lead_in(time_s, losses)
-    if lead == 0:
-        return ()
+    if is_kelvin or lead == 0:
+        return
     low, high = AMBIENT_AS_FAHRENHEIT
     at_start = float(np.median(winding[:lead]))
     around = float(np.median(ambient[:lead]))
-    if low < around < high and abs(at_start - around) < AGREEMENT_K:
+    # A winding tens of kelvin colder than the air around it has no way to be so.
+    apart_K = min(abs(at_start - around), abs((around - 32.0) / 1.8 - at_start))
+    if low < around < high and apart_K < AGREEMENT_K:
         severity = _severity(record, "ambient_degC")
-        return (_unit_finding(record, "ambient_degC", "Fahrenheit", severity, around, time_s[0]),)
-    if low < around < high and abs((around - 32.0) / 1.8 - at_start) < AGREEMENT_K:
-        # A winding tens of kelvin colder than the air around it has no way to be so.
-        severity = _severity(record, "ambient_degC")
-        return (_unit_finding(record, "ambient_degC", "Fahrenheit", severity, around, time_s[0]),)
+        yield _unit_finding(record, "ambient_degC", "Fahrenheit", severity, around, time_s[0])
+        return
     is_far = at_start - around > FAHRENHEIT_ABOVE_K
     if around < low and is_far and _starts_cold(winding, ambient, lead):
-        return (
-            _unit_finding(record, "winding_degC", "Fahrenheit", "warning", at_start, time_s[0]),
-        )
-    high = float(np.quantile(winding, 0.9))
-    is_beyond = at_start > HOTTEST_START_DEGC or high > HOTTEST_DEGC
+        yield _unit_finding(record, "winding_degC", "Fahrenheit", "warning", at_start, time_s[0])
+        return
+    if at_start <= HOTTEST_START_DEGC and float(np.quantile(winding, 0.9)) <= HOTTEST_DEGC:
+        return
     for scale in SCALES:
-        if is_beyond and abs(at_start / scale - around) < AGREEMENT_K:
+        if abs(at_start / scale - around) < AGREEMENT_K:
             severity = _severity(record, "winding_degC")
-            return (_scaled_finding(record, severity, at_start, scale, float(time_s[0])),)
-    return ()
+            yield _scaled_finding(record, severity, at_start, scale, float(time_s[0]))
+            return
 
 
 def _starts_cold(winding: np.ndarray, ambient: np.ndarray, lead: int) -> bool:
@@ -180,59 +175,54 @@ def _starts_cold(winding: np.ndarray, ambient: np.ndarray, lead: int) -> bool:
     return abs(at_start) < AGREEMENT_K and stays
 
 
-def ambient_implausible(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def ambient_implausible(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report a sink temperature that no bench has, that lies above the loaded winding or is it."""
     channel = sink_channel(motor)
     time_s, sink = samples(record, channel)
     if time_s.size == 0:
-        return ()
+        return
+    where = place(record, channel, float(time_s[0]), float(time_s[-1]))
     typical = float(np.median(sink))
-    found = []
-    low, high = PLAUSIBLE_DEGC[channel]
-    lowest, highest = POSSIBLE_DEGC[channel]
-    if not low <= typical <= high:
-        found.append(
-            Finding(
-                "ambient_implausible",
-                "warning" if lowest <= typical <= highest else "error",
-                f"Expected {low:.0f} to {high:.0f} °C; the median is {typical:.1f} °C. The "
-                "fit counts every temperature rise from it.",
-                place(record, channel, float(time_s[0]), float(time_s[-1])),
-                "Check the sensor, its unit, and which column is mapped.",
-                values={"median_degC": typical},
-            )
-        )
     time_s, sink, winding, losses = samples(
         with_all_heat(record, motor), channel, "winding_degC", "losses_W"
     )
     loaded = is_loaded(losses)
-    if loaded.any() and float(np.median((winding - sink)[loaded])) < -SINK_ABOVE_K:
-        below = float(np.median((winding - sink)[loaded]))
-        found.append(
-            Finding(
-                "ambient_implausible",
-                "error",
-                f"Expected the winding above {channel} under load; it is {-below:.1f} K below. "
-                "Heat would flow from the sink into the loaded winding.",
-                place(record, channel, float(time_s[loaded][0]), float(time_s[loaded][-1])),
-                "Check whether the two columns are exchanged.",
-                values={"winding_above_sink_K": below},
-            )
-        )
     swing = float(np.ptp(winding)) if winding.size else 0.0
     excess = float(np.quantile(np.abs(winding - sink), 0.95)) if winding.size else 0.0
     if loaded.any() and swing > LEAST_SWING_K and excess < SAME_SHARE * swing:
-        found = [  # that it is as hot as a winding follows from it
-            Finding(
-                "ambient_implausible",
-                "error",
-                f"Expected the winding above {channel} under load; they stay within "
-                f"{excess:.2g} K of each other while the winding swings by {swing:.0f} K. They "
-                "are one temperature, so no resistance can be fitted.",
-                place(record, channel, float(time_s[0]), float(time_s[-1])),
-                f"Give {channel} the column of the cooling medium in [columns]; where it was "
-                f"steady and not recorded, its value under [constants], as {channel} = 22.0.",
-                values={"excess_K": excess, "swing_K": swing},
-            )
-        ]
-    return tuple(found)
+        # that it is as hot as a winding follows from it
+        yield Finding(
+            "ambient_implausible",
+            "error",
+            f"Expected the winding above {channel} under load; they stay within {excess:.2g} K of "
+            f"each other while the winding swings by {swing:.0f} K. They are one temperature, so "
+            "no resistance can be fitted.",
+            place(record, channel, float(time_s[0]), float(time_s[-1])),
+            f"Give {channel} the column of the cooling medium in [columns]; where it was "
+            f"steady and not recorded, its value under [constants], as {channel} = 22.0.",
+            values={"excess_K": excess, "swing_K": swing},
+        )
+        return
+    low, high = PLAUSIBLE_DEGC[channel]
+    lowest, highest = POSSIBLE_DEGC[channel]
+    if not low <= typical <= high:
+        yield Finding(
+            "ambient_implausible",
+            "warning" if lowest <= typical <= highest else "error",
+            f"Expected {low:.0f} to {high:.0f} °C; the median is {typical:.1f} °C. The fit counts "
+            "every temperature rise from it.",
+            where,
+            "Check the sensor, its unit, and which column is mapped.",
+            values={"median_degC": typical},
+        )
+    below = float(np.median((winding - sink)[loaded])) if loaded.any() else 0.0
+    if below < -SINK_ABOVE_K:
+        yield Finding(
+            "ambient_implausible",
+            "error",
+            f"Expected the winding above {channel} under load; it is {-below:.1f} K below. Heat "
+            "would flow from the sink into the loaded winding.",
+            place(record, channel, float(time_s[loaded][0]), float(time_s[loaded][-1])),
+            "Check whether the two columns are exchanged.",
+            values={"winding_above_sink_K": below},
+        )

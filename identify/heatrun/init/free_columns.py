@@ -183,7 +183,7 @@ def text_column(name: str, text: str) -> FreeColumn:
     lines = [
         Proposal("time_s", f"{name} [{form}]", "assumed", LIKELY)
         for form in CLOCK_FORMATS
-        if (stated := parse_time_format(form)) and np.isfinite(read_stated(cell, stated).seconds[0])
+        if (stated := parse_time_format(form)) and np.isfinite(read_stated(cell, stated).numbers[0])
     ]
     return FreeColumn(name, None, None, None, 0, text or "nothing", tuple(lines))
 

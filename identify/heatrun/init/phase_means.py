@@ -197,4 +197,4 @@ def _reads_back(
         mapped = map_columns(table, {**left_out, channel: line}, where=where, is_part=True)
     except InputError:
         return False
-    return channel in mapped.columns and mapped.names(channel) == names
+    return channel in mapped.taken and mapped.names(channel) == names

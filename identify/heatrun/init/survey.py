@@ -167,7 +167,7 @@ def _surveyed(
     )
     silent = {}
     read = {one.name: values[id(one)] for one in table.columns if id(one) in values}
-    readings, no_losses = _without_input(table, free, mapped.readings, read, where)
+    readings, no_losses = _without_input(table, free, tuple(mapped.readings), read, where)
     free = with_evidence((*free, *no_losses), readings, read)
     for one in readings:
         numbers = read.get(one.column)

@@ -42,7 +42,7 @@ class PartialMapping:
         lines: `[columns]` as they were used: those given, and what leaves out the others.
     """
 
-    mapped: MappedColumns = field(default_factory=lambda: MappedColumns({}))
+    mapped: MappedColumns = field(default_factory=lambda: MappedColumns(""))
     derived: Mapping[str, str] = field(default_factory=dict)
     faults: tuple[InputError, ...] = ()
     lines: Columns = field(default_factory=dict)
@@ -72,7 +72,7 @@ def map_as_far(table: Table, columns: Columns | None = None, *, where: str) -> P
             named = [name for name in _channels_in(error) if lines.get(name) != NOT_RECORDED]
             if not named:
                 names = (*(column.name for column in table.columns), *table.text_columns)
-                return PartialMapping(MappedColumns({}, unused=names), {}, tuple(faults))
+                return PartialMapping(MappedColumns(where, unused=names), {}, tuple(faults))
             lines[named[0]] = NOT_RECORDED
             continue
         channels, _ = derive(mapped.channels)

@@ -15,11 +15,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..checks.time_axis import GAP_STEPS
 from ..errors import InputError
+from ..record.channels import CHANNEL
+from ..record.raster import means_around
 from ..record.record import Finding, Record
 from ..record.samples import is_measured, median_step, place, samples
-from .clock_offset import Heats, OffsetProfile, Response, best_rate, prepare_response, search_offset
+from .axes import RMS_QUANTITY
+from .clock_offset import (
+    Heats,
+    OffsetProfile,
+    Response,
+    ResponseOffset,
+    best_rate,
+    offset_of_response,
+    prepare_response,
+    stamp_sd_s,
+)
 
 
 def joined_channels(
@@ -41,11 +52,8 @@ def joined_channels(
     kept = is_measured(temperature_record.time_s)
     time_s = temperature_record.time_s[kept]
     drive_s = samples(drive_record)[0] + offset_s
-    # Next to a gap a temperature stands for no more than its usual time.
-    half = 0.5 * np.minimum(np.diff(time_s), GAP_STEPS * median_step(time_s))
-    begins = time_s - np.concatenate((half[:1], half))
-    ends = time_s + np.concatenate((half, half[-1:]))
-    common = (begins >= drive_s[0]) & (ends <= drive_s[-1])
+    half_s = 0.5 * median_step(time_s)
+    common = (time_s - half_s >= drive_s[0]) & (time_s + half_s <= drive_s[-1])
     if common.sum() < 2:
         raise InputError(
             f"Expected logs that overlap in time; with an offset of {offset_s:+.1f} s the drive "
@@ -58,7 +66,10 @@ def joined_channels(
     doubled = [name for name in drive_record.channels if name in channels and name != "time_s"]
     for name in drive_record.channels:
         if name not in channels:
-            channels[name] = _averaged(drive_record, name, offset_s, begins[common], ends[common])
+            own_s, values = samples(drive_record, name)
+            is_rms = name in CHANNEL and CHANNEL[name].quantity == RMS_QUANTITY
+            means = means_around(own_s + offset_s, values, time_s, is_rms=is_rms)
+            channels[name] = means[common]
     covered = time_s[common]
     cut_s = (
         covered[0] - time_s[0],
@@ -78,32 +89,6 @@ def joined_channels(
     if (dropped := int(np.sum(~kept))) > 0:
         notes.append(f"{dropped} temperature samples without a time are left out.")
     return channels, tuple(notes)
-
-
-def _averaged(
-    record: Record, name: str, offset_s: float, begins: np.ndarray, ends: np.ndarray
-) -> np.ndarray:
-    """Means of a drive's channel over intervals of the other clock; NaN where it has none.
-
-    Heat goes with the square of a current, so that rms values average as squares do.
-    """
-    time_s, values = samples(record, name)
-    if time_s.size < 2:
-        return np.full(begins.size, np.nan)
-    is_rms = name == "phase_current_A"
-    values = values**2 if is_rms else values
-    steps = np.diff(time_s)
-    # A gap is not bridged: the time in it counts as not covered.
-    bridged = np.where(steps <= GAP_STEPS * median_step(time_s), steps, 0.0)
-    area = np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * bridged)))
-    cover = np.concatenate(([0.0], np.cumsum(bridged)))
-    clock = time_s + offset_s
-    covered = np.interp(ends, clock, cover) - np.interp(begins, clock, cover)
-    # A thousandth of an interval is float dust of the sums, not a gap.
-    is_whole = covered > 0.999 * (ends - begins)
-    held = np.interp(ends, clock, area) - np.interp(begins, clock, area)
-    means = np.where(is_whole, held / np.where(is_whole, covered, 1.0), np.nan)
-    return np.sqrt(means) if is_rms else means
 
 
 METHOD = "thermal response of the winding to the drive's power"
@@ -141,7 +126,6 @@ class Alignment:
         fit_sd_s: The part of the fit alone [s].
         interval_95_s: Interval that holds the offset with 95 % [s].
         explained: Share of the temperature's variance that the drive explains beyond decays [1].
-        num_effective: Independent samples that the likelihood counts [1].
         method: How it was found.
         findings: Doubts about it, and a note with its figures.
     """
@@ -151,7 +135,6 @@ class Alignment:
     fit_sd_s: float
     interval_95_s: tuple[float, float]
     explained: float
-    num_effective: float
     method: str
     findings: tuple[Finding, ...]
 
@@ -188,7 +171,7 @@ def join(
         alignment = find_alignment(temperature_record, drive_record, max_offset_s=max_offset_s)
     else:
         exact = (offset_s, offset_s)
-        alignment = Alignment(offset_s, 0.0, 0.0, exact, np.nan, np.nan, "given", ())
+        alignment = Alignment(offset_s, 0.0, 0.0, exact, np.nan, "given", ())
     channels, notes = joined_channels(temperature_record, drive_record, alignment.offset_s)
     dated = temperature_record if temperature_record.start else drive_record
     joined = Record(
@@ -229,20 +212,18 @@ def find_alignment(
             where=f"{temperature_record.name}, {drive_record.name}",
             remedy="Check that both belong to one test; give the offset or a smaller max_offset_s.",
         )
-    profile = search_offset(response, max_offset_s)
-    steps_s = (median_step(time_s), median_step(samples(drive_record)[0]))
-    # A stamp may mark the beginning, middle or end of its interval: uniform over one step each.
-    stamp_sd_s = float(np.hypot(*steps_s)) / np.sqrt(12.0)
-    sd_s = float(np.hypot(profile.sd_s, stamp_sd_s))
-    low, high = _interval(profile, stamp_sd_s)
-    findings = _findings(temperature_record, drive_record, response, profile, sd_s, max_offset_s)
+    found = offset_of_response(response, max_offset_s)
+    profile = found.profile
+    stamp_s = stamp_sd_s(median_step(time_s), median_step(samples(drive_record)[0]))
+    sd_s = float(np.hypot(profile.sd_s, stamp_s))
+    low, high = _interval(profile, stamp_s)
+    findings = _findings(temperature_record, drive_record, response, found, sd_s, max_offset_s)
     return Alignment(
         offset_s=profile.mean_s,
         sd_s=sd_s,
         fit_sd_s=profile.sd_s,
         interval_95_s=(low, high),
-        explained=profile.explained,
-        num_effective=profile.num_effective,
+        explained=found.explained,
         method=METHOD,
         findings=findings,
     )
@@ -263,19 +244,20 @@ def _findings(
     temperature_record: Record,
     drive_record: Record,
     response: Response,
-    profile: OffsetProfile,
+    offset: ResponseOffset,
     sd_s: float,
     max_offset_s: float,
 ) -> tuple[Finding, ...]:
     """The figures of the alignment as a note, and what casts doubt on it."""
     name = temperature_record.name
     where = f"{name}, {drive_record.name}"
+    profile = offset.profile
     values = {
         "offset_s": profile.mean_s,
         "sd_s": sd_s,
-        "explained": profile.explained,
-        "log_likelihood_gain": profile.gain,
-        "num_effective": profile.num_effective,
+        "explained": offset.explained,
+        "log_likelihood_gain": offset.gain,
+        "num_effective": offset.num_effective,
     }
     figures = (
         f"The drive's clock plus {profile.mean_s:.2f} s is the thermometer's (standard uncertainty "
@@ -283,7 +265,7 @@ def _findings(
     )
     found = [Finding("alignment", "note", figures, where, test=name, values=values)]
     doubt = ""
-    if profile.gain < MIN_GAIN:
+    if offset.gain < MIN_GAIN:
         severity, doubt = "error", "the temperature does not follow the drive"
     elif profile.is_at_edge:
         severity, doubt = (

@@ -36,11 +36,7 @@ class Axis:
 
 
 def axes_of(series: Mapping[str, Series], where: str) -> list[Axis]:
-    """Return the series by their times, in the order in which they came.
-
-    Args:
-        series: Column name to its samples and times.
-        where: The file, for messages.
+    """Return series, by the name of their column, by their times, in the order in which they came.
 
     Raises:
         InputError: If some have times and others not, lengths differ without times, or there is
@@ -89,11 +85,8 @@ def common_times(
 ) -> tuple[np.ndarray, Axis | None]:
     """Return the common times [s], shape (time,), and the axis whose own they are, if any.
 
-    Args:
-        axes: The axes.
-        lead: The axis whose samples must not be multiplied; None for the slowest.
-        raster_s: Step of the common times [s]; None for the times of that axis.
-        where: The file, for messages.
+    They are those of the axis whose samples must not be multiplied, the slowest where none leads;
+    or at steps of `raster_s` [s].
 
     Raises:
         InputError: If times do not increase, or the step is finer than the leading axis.
@@ -123,12 +116,8 @@ def averaged(
 ) -> tuple[dict[str, np.ndarray], tuple[Finding, ...]]:
     """Return all channels at the common times, and what the averaging could not cover.
 
-    Args:
-        axes: The axes.
-        own: For each of them its channels in canonical units, shape (time,) of the axis.
-        time_s: Common times [s], shape (time,).
-        base: The axis that has these times, whose channels stay as they are; None for none.
-        where: The file, for messages.
+    `own` are the channels of each axis in canonical units; those of `base`, the axis that has the
+    common times if one has, stay as they are.
     """
     channels: dict[str, np.ndarray] = {}
     findings = []
@@ -174,13 +163,7 @@ def _not_covered(key: str, values: np.ndarray, time_s: np.ndarray, where: str) -
 
 
 def raster_note(axes: Sequence[Axis], time_s: np.ndarray, base: Axis | None) -> str:
-    """Return a sentence on how the channels came onto the common times.
-
-    Args:
-        axes: As `averaged`.
-        time_s: As `averaged`.
-        base: As `averaged`.
-    """
+    """Return a sentence on how the channels came onto the common times."""
     steps = ", ".join(
         f"{median_step_s(axis.time_s):g} s ({', '.join(axis.values)})" for axis in axes
     )

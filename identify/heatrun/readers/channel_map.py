@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,50 +20,15 @@ from ..record.channels import (
     parse_claims,
 )
 from ..record.header import read_heading
-from ..record.record import ColumnReading, Finding, Record
+from ..record.record import Finding, Record
 from ..record.table import Column, Table
 from ..record.units import QUANTITIES, find_unit, quantities_of, require_unit
 from .labels import columns_of, is_sure, named_unit, speaks_of, words_in
 from .likely_names import SURE, read_name
-from .mapping import Assignment, overridden, statements, unit_of, unit_wanted
+from .mapping import MappedColumns, overridden, statements, unit_of, unit_wanted
 
 ONLY_CLOCK, ITS_WORDS = "the one column of times", "its words"
 """What says that a column is the time where nobody has named it: a rate goes before both."""
-
-
-@dataclass(frozen=True)
-class MappedColumns:
-    """The canonical channels of one file.
-
-    Attributes:
-        channels: Canonical name to float64 in the canonical unit, shape (time,).
-        notes: What was mapped from where, and with which unit.
-        findings: Doubts about the mapping.
-        unused: Columns that became no channel.
-        rate_Hz: Sampling rate that `[columns]` gives in place of a time column [Hz], or None.
-        columns: Canonical name to the name of the column that became it.
-        readings: How each column became its channel.
-        parts: Canonical name to the names of the columns that it combines, where it does.
-        start: When the times begin, as `Column.start`.
-        refused: Name of a column to the reason why it is no channel, whatever it looks like.
-        decided: Channels whose unit `[columns]` itself gives.
-    """
-
-    channels: Mapping[str, np.ndarray]
-    notes: tuple[str, ...] = ()
-    findings: tuple[Finding, ...] = ()
-    unused: tuple[str, ...] = ()
-    rate_Hz: float | None = None
-    columns: Mapping[str, str] = field(default_factory=dict)
-    readings: tuple[ColumnReading, ...] = ()
-    parts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    start: str = ""
-    refused: Mapping[str, str] = field(default_factory=dict)
-    decided: frozenset[str] = frozenset()
-
-    def names(self, channel: str) -> tuple[str, ...]:
-        """Return the names of the columns that a channel is made of."""
-        return self.parts.get(channel, (self.columns[channel],))
 
 
 def map_columns(
@@ -90,15 +55,14 @@ def map_columns(
         InputError: If a named channel or column does not exist, two columns claim one channel, a
             unit is not known or belongs to another quantity.
     """
-    mapping = Assignment(where)
+    mapping = MappedColumns(where)
     pool = table.columns + _constants(table)
-    rate_Hz = None
     for claim in parse_claims(columns or {}, where):
         may_lack = is_part or claim.is_choice
         if claim.is_choice and claim.channel in mapping.channels:
             continue  # the first of several counts
         if claim.rate_Hz is not None:
-            rate_Hz = claim.rate_Hz
+            mapping.rate_Hz = claim.rate_Hz
             continue
         if claim.text == NOT_RECORDED:
             mapping.excluded.add(claim.channel)
@@ -116,30 +80,19 @@ def map_columns(
     for column_map in COLUMN_MAPS:
         if _num_present(column_map, pool) >= column_map.num_needed:
             _add_by_map(mapping, column_map, pool)
-    if rate_Hz is not None:
+    if mapping.rate_Hz is not None:
         mapping.excluded.add("time_s")  # a rate that is stated goes before a word
     _add_by_words(mapping, table.columns)
-    if rate_Hz is None:
+    if mapping.rate_Hz is None:
         _add_only_clock(mapping, pool)
     used = mapping.used
     unused = [column.name for column in table.columns if id(column) not in used]
+    mapping.unused = (*unused, *table.text_columns)
     mapping.findings += [*mapping.used_twice(), *_texts_for_numbers(mapping, table)]
-    return MappedColumns(
-        mapping.channels,
-        tuple(mapping.notes),
-        tuple(mapping.findings),
-        (*unused, *table.text_columns),
-        rate_Hz,
-        {name: column.name for name, column in mapping.taken.items()},
-        tuple(mapping.readings),
-        {name: tuple(part.name for part in parts) for name, parts in mapping.parts.items()},
-        mapping.taken["time_s"].start if "time_s" in mapping.taken else "",
-        mapping.refused,
-        frozenset(mapping.decided),
-    )
+    return mapping
 
 
-def _texts_for_numbers(mapping: Assignment, table: Table) -> list[Finding]:
+def _texts_for_numbers(mapping: MappedColumns, table: Table) -> list[Finding]:
     """Return a finding for each column that would be a channel if it did not hold text."""
     found = []
     for name, text in table.text_columns.items():
@@ -166,11 +119,7 @@ def _texts_for_numbers(mapping: Assignment, table: Table) -> list[Finding]:
 
 
 def require(record: Record, channels: Sequence[str] = REQUIRED) -> None:
-    """Check that a record has channels.
-
-    Args:
-        record: The test.
-        channels: Canonical names; by default those that a fit needs.
+    """Check that a record has channels, by default those that a fit needs.
 
     Raises:
         InputError: Naming the missing channels, what the file has and how to map them.
@@ -289,7 +238,7 @@ def _unit_left(claim: Claim, column: Column) -> str | None:
 
 
 def _add_combined(
-    mapping: Assignment, claim: Claim, pool: Iterable[Column], table: Table, is_part: bool
+    mapping: MappedColumns, claim: Claim, pool: Iterable[Column], table: Table, is_part: bool
 ) -> None:
     """Take the mean or the hottest of several columns for a channel."""
     pool = tuple(pool)
@@ -304,13 +253,13 @@ def _add_combined(
             where=f"{mapping.where}, {claim.channel}",
             remedy="Name each sensor once.",
         )
-    each = [Assignment(mapping.where) for _ in columns]
+    each = [MappedColumns(mapping.where) for _ in columns]
     for one, part, column in zip(each, claim.parts, columns, strict=True):
         _add_claimed(one, part, column)
     mapping.add_combined(claim.channel, claim.text, claim.how, columns, each)
 
 
-def _add_claimed(mapping: Assignment, claim: Claim, column: Column) -> None:
+def _add_claimed(mapping: MappedColumns, claim: Claim, column: Column) -> None:
     channel = CHANNEL[claim.channel]
     where = f"{mapping.where}, column '{column.name}' as {channel.name}"
     decided = claim.bracket if column.name == claim.base else claim.unit
@@ -340,7 +289,7 @@ def _add_claimed(mapping: Assignment, claim: Claim, column: Column) -> None:
     mapping.add(channel, column, decided, "[columns]", "stated", is_decided=is_decided)
 
 
-def _add_canonical(mapping: Assignment, columns: Iterable[Column]) -> None:
+def _add_canonical(mapping: MappedColumns, columns: Iterable[Column]) -> None:
     columns = tuple(columns)
     for channel in CHANNEL.values():
         if not mapping.wants(channel.name):
@@ -356,7 +305,7 @@ def _add_canonical(mapping: Assignment, columns: Iterable[Column]) -> None:
         mapping.add(channel, column, unit, "canonical name", unit_from)
 
 
-def _add_only_clock(mapping: Assignment, pool: Iterable[Column]) -> None:
+def _add_only_clock(mapping: MappedColumns, pool: Iterable[Column]) -> None:
     """Take the one column that holds times of day for the time, whatever it is called."""
     if not mapping.wants("time_s"):
         return
@@ -376,7 +325,7 @@ def _num_present(column_map: ColumnMap, pool: Iterable[Column]) -> int:
     return sum(bool(columns_of(label, channel, pool)) for label, channel in labels)
 
 
-def _add_by_map(mapping: Assignment, column_map: ColumnMap, pool: Iterable[Column]) -> None:
+def _add_by_map(mapping: MappedColumns, column_map: ColumnMap, pool: Iterable[Column]) -> None:
     used = mapping.used
     free = [column for column in pool if id(column) not in used]
     claims: dict[str, list[tuple[Column, str]]] = {}
@@ -421,7 +370,7 @@ def _add_by_map(mapping: Assignment, column_map: ColumnMap, pool: Iterable[Colum
             mapping.refused[column.name] = reason
 
 
-def _add_by_words(mapping: Assignment, columns: Iterable[Column]) -> None:
+def _add_by_words(mapping: MappedColumns, columns: Iterable[Column]) -> None:
     """Take the columns whose every word speaks for one channel, where no other column does."""
     used = mapping.used
     speaking: dict[str, list[Column]] = {}

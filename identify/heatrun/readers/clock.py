@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -62,10 +63,8 @@ class TimeFormat:
 
 
 def parse_time_format(text: str) -> TimeFormat | None:
-    """Return the format that a text states, or None if it states none.
-
-    Args:
-        text: Such as `"hh:mm"`, `"[h]:mm:ss"`, `"min:s"` or `"%d.%m.%Y %H:%M:%S"`.
+    """Return the format that a text states, such as `"[h]:mm:ss"` or `"%d.%m.%Y %H:%M:%S"`, or
+    None.
 
     Example:
         >>> parse_time_format("hh:mm").spoken
@@ -100,10 +99,7 @@ def parse_time_format(text: str) -> TimeFormat | None:
 def stated_format(name: str, label: str, unit: str | None) -> tuple[str, TimeFormat | None]:
     """Return the label of a column and the format of times that its header states, if any.
 
-    Args:
-        name: Name of the column as it stands in the file.
-        label: The name without what is known to be a unit.
-        unit: Its unit text, or None.
+    The label is the name in the file without what is known to be a unit.
     """
     if unit is not None:
         return label, parse_time_format(unit)
@@ -154,31 +150,36 @@ FAR_LESS_REGULAR = 3.0
 
 
 @dataclass(frozen=True)
-class ClockColumn:
-    """Times of one column in seconds.
+class Values:
+    """The values of one column.
 
     Attributes:
-        seconds: Shape (time,); for dates from the first one; NaN where a cell is no such time.
-        note: How the cells were read, as a sentence without its subject.
+        numbers: Float64, shape (time,); of dates seconds from the first one; NaN where a cell holds
+            no such value.
+        note: How they were read if not as plain numbers, as a sentence without its subject.
         question: What the cells leave open, or None.
         doubt: What speaks against the reading, as a sentence, or empty.
         start: Day of the first time, ISO 8601; empty where the cells do not say it for certain.
+        is_time: The cells were clock times or dates; the numbers are seconds.
+        unreadable: Which cells hold something that could not be read, shape (time,).
+        first_text: What stands in the first of these, or empty.
     """
 
-    seconds: np.ndarray
-    note: str
+    numbers: np.ndarray
+    note: str = ""
     question: Question | None = None
     doubt: str = ""
     start: str = ""
+    is_time: bool = False
+    unreadable: np.ndarray | None = None
+    first_text: str = ""
 
 
-def read_stated(cells: pd.Series, stated: TimeFormat) -> ClockColumn:
-    """Read clock times in the format that the header or `[columns]` states, and in no other.
+Times = partial(Values, is_time=True)
 
-    Args:
-        cells: As `read_clock`.
-        stated: The format, of a clock.
-    """
+
+def read_stated(cells: pd.Series, stated: TimeFormat) -> Values:
+    """Read clock times in the format that the header or `[columns]` states, and in no other."""
     parts = cells.str.extract(f"^{_pattern(stated)}$")
     seconds = np.zeros(len(cells))
     for index, part in enumerate(stated.parts):
@@ -197,15 +198,14 @@ def read_stated(cells: pd.Series, stated: TimeFormat) -> ClockColumn:
         places = "." + parts["f"] if "f" in stated.parts else parts["s"]
         seconds = np.round(seconds, decimals(places))  # undo the rounding of the sum
     seconds, wrapped = _unwrapped(seconds, stated.parts)
-    return ClockColumn(seconds, f"read as {stated.spoken}, as stated{wrapped}")
+    return Times(seconds, f"read as {stated.spoken}, as stated{wrapped}")
 
 
-def read_clock(cells: pd.Series, name: str = "time") -> ClockColumn:
+def read_clock(cells: pd.Series, name: str = "time") -> Values:
     """Read `m:ss.s` and `h:mm:ss.s`, also mixed; `a:b` only where it can be but one of two.
 
-    Args:
-        cells: Texts without blanks around them, shape (time,).
-        name: Name of the column, for the answers to a question.
+    Cells are texts without blanks around them, shape (time,); `name` is for the answers to a
+    question.
     """
     parts = cells.str.extract(f"^{CLOCK}$")
     hour = numbers(parts["hour"].fillna("0"))
@@ -230,20 +230,16 @@ def read_clock(cells: pd.Series, name: str = "time") -> ClockColumn:
     ]
     note = f"read as {' and '.join(form for form, _ in forms)}"
     if len(forms) != 1:
-        return ClockColumn(seconds, note)
+        return Times(seconds, note)
     seconds, wrapped = _unwrapped(seconds, forms[0][1])
     question = None
     if forms[0][1] == "hms" and not has_fraction and parts["half"].isna().all():
         question = _other_parts(seconds, parts, name)
-    return ClockColumn(seconds, note + wrapped, question)
+    return Times(seconds, note + wrapped, question)
 
 
-def read_days(cells: pd.Series) -> ClockColumn:
-    """Read durations of days and a clock; where no days stand, there are none.
-
-    Args:
-        cells: As `read_clock`.
-    """
+def read_days(cells: pd.Series) -> Values:
+    """Read durations of days and a clock; where no days stand, there are none."""
     days = cells.str.extract(f"^{DAYS}$")
     clocks = days["clock"].fillna(cells)
     parts = clocks.str.extract(f"^{OF_DAY}$")
@@ -252,36 +248,36 @@ def read_days(cells: pd.Series) -> ClockColumn:
     seconds = HOUR_S * hour + 60.0 * numbers(parts["minute"]) + numbers(parts["second"])
     seconds += DAY_S * numbers(days["day"].fillna("0"))
     seconds = np.round(seconds, decimals(parts["second"]))  # undo the rounding of the sum
-    return ClockColumn(seconds, "read as days hours:minutes:seconds")
+    return Times(seconds, "read as days hours:minutes:seconds")
 
 
-def _two_parts(parts: pd.DataFrame, name: str) -> ClockColumn:
+def _two_parts(parts: pd.DataFrame, name: str) -> Values:
     """Return `a:b`: minutes and seconds, or hours and minutes."""
     first, second = numbers(parts["minute"]), numbers(parts["second"])
     short, short_wrapped = _unwrapped(60.0 * first + second, "ms")
     long, long_wrapped = _unwrapped(_half_days(HOUR_S * first + 60.0 * second, parts["half"]), "hm")
     if parts["half"].notna().any():
-        return ClockColumn(long, f"read as hours:minutes, for they have am or pm{long_wrapped}")
+        return Times(long, f"read as hours:minutes, for they have am or pm{long_wrapped}")
     forward = rises(short), rises(long)
     if forward == (False, True):
-        return ClockColumn(
+        return Times(
             long, f"read as hours:minutes, as minutes:seconds would run backwards{long_wrapped}"
         )
     if forward == (True, False):
-        return ClockColumn(
+        return Times(
             short, f"read as minutes:seconds, as hours:minutes would run backwards{short_wrapped}"
         )
     largest = float(np.nanmax(first))
     either = f"minutes:seconds ({_spoken(short)}) or hours:minutes ({_spoken(long)})"
     if largest >= SIZE["m"]:
-        return ClockColumn(
+        return Times(
             short,
             f"read as minutes:seconds, for the first number goes up to {largest:.0f}",
             doubt=f"The times may be {either}; minutes:seconds is taken, for the first number goes "
             f"up to {largest:.0f}.",
         )
     problem = f"The times, {_example(parts)}, may be {either}; the file does not say which."
-    return ClockColumn(
+    return Times(
         short, "read as minutes:seconds", Question(problem, (f"{name} [mm:ss]", f"{name} [hh:mm]"))
     )
 

@@ -19,11 +19,12 @@ the temperatures.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..checks.quick_fit import first_order
+from ..checks.quick_fit import first_order, solved
 
 MAX_BLOCKS = 1500
 """Blocks of the temperature: 3.6 s for 90 minutes, well under a winding's time constant."""
@@ -37,9 +38,8 @@ differ by less than a factor of two, closer than two lags of a sum can be told a
 APART = 2.5
 """Ratio of slow to fast lag from which their columns differ enough to be solved for [1]."""
 
-RIDGE = 1e-12
-"""Share of the square of a column [1] that keeps lags beyond the test, nearly the same column,
-solvable; it shifts no gain that the record determines."""
+HEATED = ((True, True), (True, False))
+"""What a fit may be made of beside a constant: heat, and decays of what went before."""
 
 
 @dataclass(frozen=True)
@@ -112,11 +112,9 @@ class Response:
     pairs: np.ndarray
 
     def columns(self, offset_s: float, rate: float = 1.0) -> np.ndarray:
-        """Return all regressors at an offset, shape (blocks, lag * heat + lag + 1).
-
-        Args:
-            offset_s: What is added to the drive's clock to give the thermometer's [s].
-            rate: Seconds of the thermometer per second of the drive [1].
+        """Return all regressors, shape (blocks, lag * heat + lag + 1), at an offset [s] that is
+        added to the drive's clock, and a rate in seconds of the thermometer per second of the drive
+        [1].
         """
         begin = self.middle_s - offset_s - 0.5 * self.width_s - self.heats.start_s
         position = np.stack([begin, begin + self.width_s]) / (rate * self.heats.step_s)
@@ -130,44 +128,27 @@ class Response:
         return np.hstack([lagged.T, decays, np.ones((self.middle_s.size, 1))])
 
     def fit(self, columns: np.ndarray, whitening: Whitening, *, without_heat: bool = False) -> Fit:
-        """Regress the temperature on the best pair of lags.
+        """Regress the temperature on the pair of lags of `columns` with the least whitened squares.
 
-        Args:
-            columns: From `columns`, shape (blocks, regressors).
-            whitening: What makes the residuals independent.
-            without_heat: Leave the drive out, as a base to compare with.
-
-        Returns:
-            The fit with the least sum of whitened squares.
+        Without the drive's heat it is a base to compare with.
         """
         level = float(np.mean(self.mean_degC))
         X, y = whitening(columns), whitening(self.mean_degC - level)
-        # After whitening the sizes of fast and slow columns are many decades apart.
-        scale = np.maximum(np.sqrt(np.sum(X**2, axis=0)), 1e-30)
-        X = X / scale
         G, c, total = X.T @ X, X.T @ y, float(y @ y)
         least, used, gain = np.inf, np.empty(0, dtype=int), np.empty(0)
-        for has_heat, has_decay in self._combinations(without_heat):
+        unheated = ((False, True), (False, False))
+        for has_heat, has_decay in unheated if without_heat else (*HEATED, *unheated):
             chosen = self._chosen(has_heat, has_decay)
-            G_pairs = G[chosen[:, :, None], chosen[:, None, :]]
-            c_pairs = c[chosen]
-            ridge = RIDGE * np.eye(chosen.shape[1])
-            gains = np.linalg.solve(G_pairs + ridge, c_pairs[:, :, None])[:, :, 0]
-            squares = total + np.sum(
-                gains * (np.einsum("pij,pj->pi", G_pairs, gains) - 2.0 * c_pairs), axis=1
+            found = solved(
+                G[chosen[:, :, None], chosen[:, None, :]], c[chosen], np.full(len(chosen), total)
             )
-            gains = gains / scale[chosen]
-            squares = np.where(self._is_possible(gains, has_heat, has_decay), squares, np.inf)
+            possible = self._is_possible(found.solution, has_heat, has_decay)
+            squares = np.where(possible, found.squares, np.inf)
             best = int(np.argmin(squares))
             if squares[best] < least:
-                least, used, gain = float(squares[best]), chosen[best], gains[best]
+                least, used, gain = float(squares[best]), chosen[best], found.solution[best]
         residual = self.mean_degC - level - columns[:, used] @ gain
         return Fit(max(least, 1e-300), residual, used, gain)
-
-    def _combinations(self, without_heat: bool) -> tuple[tuple[bool, bool], ...]:
-        """What a fit may be made of, as (heat, decays); a constant alone is always possible."""
-        unheated = ((False, True), (False, False))
-        return unheated if without_heat else ((True, True), (True, False), *unheated)
 
     def _chosen(self, has_heat: bool, has_decay: bool) -> np.ndarray:
         """Columns that each pair of lags uses, shape (pair, gains)."""
@@ -224,17 +205,10 @@ class Fit:
 def prepare_response(
     time_s: np.ndarray, temperature_degC: np.ndarray, heats: Heats, max_offset_s: float
 ) -> Response:
-    """Reduce a temperature to blocks and integrate the lagged heats.
+    """Reduce a temperature [degC] over time [s] to blocks, and integrate the lagged heats.
 
-    Args:
-        time_s: Increasing times on the thermometer's clock [s], shape (time,).
-        temperature_degC: Winding temperature [degC], shape (time,).
-        heats: What the drive logged.
-        max_offset_s: Largest offset in both directions [s]; blocks that lack the drive at any of
-            them are left out, or the fits could not be compared.
-
-    Returns:
-        The regression, with no block where the logs overlap too little.
+    Blocks that lack the drive at any offset up to the largest [s], in both directions, are left
+    out, or the fits could not be compared: where the logs overlap too little none is left.
     """
     duration_s = float(time_s[-1] - time_s[0])
     width_s = max(float(np.median(np.diff(time_s))), duration_s / MAX_BLOCKS)
@@ -283,9 +257,9 @@ COARSE_S = 1.0
 FALLEN = 12.0
 """A log likelihood this far below the peak holds under a 1e-5 of its probability."""
 
-NUM_FINE = 161
-NUM_REFINEMENTS = 3
-"""Each refinement narrows the grid to where the likelihood is, down to well under its width."""
+NUM_TRIED, ENOUGH = 61, 0.4
+"""Offsets tried across a range, and the share of them [1] that must carry likelihood, so that its
+width is resolved; until then the range is drawn closer to where the likelihood is."""
 
 NUM_UNKNOWN = 9
 """Gains of up to two heats after two lags, two decays, the constant, and the two lags [1]."""
@@ -304,37 +278,26 @@ PLAIN = Whitening(np.eye(1, ORDER + 1)[0], np.eye(ORDER))
 
 @dataclass(frozen=True)
 class OffsetProfile:
-    """The likelihood of the offset.
+    """The likelihood of an offset where it is not negligible, under a flat prior.
 
     Attributes:
-        offset_s: Offsets of the last refinement, increasing [s], shape (tried,).
+        offset_s: Offsets, increasing [s], shape (tried,).
         log_likelihood: Relative to the best, shape (tried,).
         is_at_edge: The likelihood reaches the end of the range that was searched.
-        explained: Share of the temperature's variance that the drive's heat explains beyond
-            constant and decays [1].
-        gain: Log likelihood over that of a drive without influence.
-        num_effective: Independent samples that the likelihood counts [1].
-        whitening: What made the residuals independent.
-        residual_K: Residuals at the best offset [K], shape (blocks,).
     """
 
     offset_s: np.ndarray
     log_likelihood: np.ndarray
     is_at_edge: bool
-    explained: float
-    gain: float
-    num_effective: float
-    whitening: Whitening
-    residual_K: np.ndarray
 
     @property
     def mean_s(self) -> float:
-        """Mean of the offset under a flat prior [s]."""
+        """Mean of the offset [s]."""
         return float(self._mass() @ self.offset_s)
 
     @property
     def sd_s(self) -> float:
-        """Standard deviation of the offset under a flat prior [s]."""
+        """Standard deviation of the offset [s]."""
         return float(np.sqrt(self._mass() @ (self.offset_s - self.mean_s) ** 2))
 
     def _mass(self) -> np.ndarray:
@@ -342,72 +305,89 @@ class OffsetProfile:
         return mass / mass.sum()
 
 
-def search_offset(response: Response, max_offset_s: float) -> OffsetProfile:
-    """Search the offset in both directions up to a limit.
+def search_offset(log_likelihood: Callable[[float], float], offset_s: np.ndarray) -> OffsetProfile:
+    """Search for an offset of two clocks, closer and closer to where its likelihood is.
 
     Args:
-        response: The regression of the temperature on the drive.
-        max_offset_s: Largest offset [s].
-
-    Returns:
-        The likelihood where it is not negligible.
+        log_likelihood: Of an offset [s], up to a constant.
+        offset_s: What is tried first, increasing [s]; fine enough to show each peak.
     """
+    is_at_edge: bool | None = None
+    while True:
+        values = np.array([log_likelihood(float(one)) for one in offset_s])
+        values -= np.max(values)
+        near = np.flatnonzero(values > -FALLEN)
+        first, last = max(int(near[0]) - 1, 0), min(int(near[-1]) + 1, values.size - 1)
+        if is_at_edge is None:
+            is_at_edge = bool(near[0] == 0 or near[-1] == values.size - 1)
+        if last - first > ENOUGH * NUM_TRIED:
+            return OffsetProfile(offset_s, values, is_at_edge)
+        offset_s = np.linspace(offset_s[first], offset_s[last], NUM_TRIED)
+
+
+def stamp_sd_s(step_s: float, other_s: float) -> float:
+    """Return the standard uncertainty [s] of the stamps of two loggers against each other.
+
+    A stamp may mark the beginning, middle or end of its interval: uniform over one step each.
+    """
+    return float(np.hypot(step_s, other_s)) / float(np.sqrt(12.0))
+
+
+@dataclass(frozen=True)
+class ResponseOffset:
+    """The offset at which the winding answers the drive.
+
+    Attributes:
+        profile: Its likelihood.
+        explained: Share of the temperature's variance that the drive's heat explains beyond
+            constant and decays [1].
+        gain: Log likelihood over that of a drive without influence.
+        num_effective: Independent samples that the likelihood counts [1].
+    """
+
+    profile: OffsetProfile
+    explained: float
+    gain: float
+    num_effective: float
+
+
+def offset_of_response(response: Response, max_offset_s: float) -> ResponseOffset:
+    """Search the offset of the drive's clock in both directions up to a limit [s]."""
     coarse = np.arange(-max_offset_s, max_offset_s + 0.5 * COARSE_S, COARSE_S)
     regressors = [response.columns(float(offset)) for offset in coarse]
-    whitening = PLAIN
-    fits = [response.fit(X, whitening) for X in regressors]
+    whitening, best, at = PLAIN, None, 0
     # The autoregression moves the best offset, and that the residuals it comes from: twice.
-    for _ in range(2):
-        best = min(fits, key=lambda fit: fit.squares)
-        whitening = autoregression(best.residual_K)
+    for _ in range(3):
+        whitening = PLAIN if best is None else autoregression(best.residual_K)
         fits = [response.fit(X, whitening) for X in regressors]
-    squares = np.array([fit.squares for fit in fits])
-    best_coarse = int(np.argmin(squares))
-    num_effective = _effective(
-        response, float(coarse[best_coarse]), whitening, fits[best_coarse].residual_K
-    )
-    offsets, is_at_edge = coarse, False
-    for _ in range(NUM_REFINEMENTS):
-        likelihood = -0.5 * num_effective * np.log(squares / squares.min())
-        near = np.flatnonzero(likelihood > -FALLEN)
-        low = offsets[max(near[0] - 1, 0)]
-        high = offsets[min(near[-1] + 1, offsets.size - 1)]
-        is_at_edge |= bool(near[0] == 0 or near[-1] == offsets.size - 1) and offsets is coarse
-        offsets = np.linspace(low, high, NUM_FINE)
-        fits = [response.fit(response.columns(float(x)), whitening) for x in offsets]
-        squares = np.array([fit.squares for fit in fits])
-    best = int(np.argmin(squares))
-    columns = response.columns(float(offsets[best]))
-    unheated = response.fit(columns, PLAIN, without_heat=True)
-    return OffsetProfile(
-        offset_s=offsets,
-        log_likelihood=-0.5 * num_effective * np.log(squares / squares.min()),
-        is_at_edge=is_at_edge,
-        explained=1.0 - response.fit(columns, PLAIN).squares / unheated.squares,
-        gain=0.5
-        * num_effective
-        * float(
-            np.log(response.fit(columns, whitening, without_heat=True).squares / squares.min())
-        ),
+        at = int(np.argmin([fit.squares for fit in fits]))
+        best = fits[at]
+    num_effective = _effective(response, float(coarse[at]), whitening)
+
+    def log_likelihood(offset_s: float) -> float:
+        return -0.5 * num_effective * float(np.log(fit_at(offset_s).squares))
+
+    def fit_at(offset_s: float, whitening: Whitening = whitening, **options: bool) -> Fit:
+        return response.fit(response.columns(offset_s), whitening, **options)
+
+    profile = search_offset(log_likelihood, coarse)
+    likeliest = float(profile.offset_s[np.argmax(profile.log_likelihood)])
+    unheated = fit_at(likeliest, without_heat=True).squares
+    plain, plain_unheated = (fit_at(likeliest, PLAIN, without_heat=no) for no in (False, True))
+    return ResponseOffset(
+        profile,
+        explained=1.0 - plain.squares / plain_unheated.squares,
+        gain=0.5 * num_effective * float(np.log(unheated / fit_at(likeliest).squares)),
         num_effective=num_effective,
-        whitening=whitening,
-        residual_K=fits[best].residual_K,
     )
 
 
 def best_rate(response: Response, max_offset_s: float) -> tuple[float, float]:
     """Return the clock rate that fits best, and its log likelihood over that of equal clocks.
 
-    The rate is chosen by plain squares, and both are then judged with the noise that the better one
-    leaves: the misfit of a wrong rate would pass as noise of its own.
-
-    Args:
-        response: The regression of the temperature on the drive.
-        max_offset_s: Largest offset [s].
-
-    Returns:
-        Seconds of the thermometer per second of the drive [1], and the gain; a rate of 1 and a gain
-        of 0 where no other rate fits better.
+    The rate, seconds of the thermometer per second of the drive [1], is chosen by plain squares,
+    and both are then judged with the noise that the better one leaves: the misfit of a wrong rate
+    would pass as noise of its own. It is 1 with a gain of 0 where no other fits better.
     """
     offsets = np.arange(-max_offset_s, max_offset_s + 0.5 * RATE_STEP_S, RATE_STEP_S)
 
@@ -429,13 +409,11 @@ def best_rate(response: Response, max_offset_s: float) -> tuple[float, float]:
     return (rate, gain) if gain > 0.0 else (1.0, 0.0)
 
 
-def _effective(
-    response: Response, offset_s: float, whitening: Whitening, residual_K: np.ndarray
-) -> float:
+def _effective(response: Response, offset_s: float, whitening: Whitening) -> float:
     """Independent samples that the likelihood may count."""
-    white = whitening(residual_K)
-    num_free = white.size - NUM_UNKNOWN
     fit = response.fit(response.columns(offset_s), whitening)
+    white = whitening(fit.residual_K)
+    num_free = white.size - NUM_UNKNOWN
     # How the fitted temperature moves with the offset, beyond what the gains could make up for.
     apart_s = 0.1 * COARSE_S
     after, before = response.columns(offset_s + apart_s), response.columns(offset_s - apart_s)

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ..record.table import Question
-from .clock import DAY_S, HOUR_S, ClockColumn, decimals, numbers, rises, spoken_duration
+from .clock import DAY_S, HOUR_S, Times, Values, decimals, numbers, rises, spoken_duration
 
 DATE = r"(?P<first>[0-9]{1,4})(?P<sign>[-/.])(?P<middle>[0-9]{1,2})[-/.](?P<last>[0-9]{1,4})"
 DATE_TIME = (
@@ -40,7 +40,7 @@ Date = tuple[str, str, str]
 
 def read_dates(
     cells: pd.Series, name: str = "time", order: str = "", *, known_by: str = ""
-) -> ClockColumn:
+) -> Values:
     """Read dates with a time, in the one order of day, month and year that they allow.
 
     Args:
@@ -68,7 +68,7 @@ def read_dates(
     orders = (order,) if order else _orders(dates, set(parts["sign"].dropna()))
     read = {order: seconds_by(order) for order in orders}
     if not any(np.isfinite(seconds).any() for seconds in read.values()):
-        return ClockColumn(np.full(len(cells), np.nan), "")
+        return Times(np.full(len(cells), np.nan), "")
     reason = known_by or ("as stated" if order else "")
     left, why = _possible(read, dates)
     best = left[0]
@@ -88,7 +88,7 @@ def read_dates(
         )
     note = f"read as {best} ({reason or why}), seconds from {start}"
     day = _first_day(keys[row], best, read, why)
-    return ClockColumn(seconds, note, question, start=day)
+    return Times(seconds, note, question, start=day)
 
 
 def _first_day(date: Date, best: str, read: Mapping[str, np.ndarray], why: str) -> str:

@@ -1,10 +1,9 @@
 """A test that is still being written, read again and again as it grows.
 
-The first look reads what is there like any file; the later ones parse the new lines alone and
-convert them as the first ones were. Where that would not give what reading the whole file gives,
-the whole file is read, and so seldom that it takes a small share of the time.
-
-How the further rows of a growing test become channels: as its first ones did.
+The first look reads what is there like any file. A later one reads the new lines under the head of
+the file, behind lines that are known already: where these come out as they did before, the rows
+behind them are what reading the whole file would give. Where not, the whole file is read, and so
+seldom that it takes a small share of the time.
 
 Columns that grow: what was handed out stays as it is, and a row costs the same however many
 there are.
@@ -16,7 +15,7 @@ from __future__ import annotations
 
 import io
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import BinaryIO
@@ -25,161 +24,16 @@ import numpy as np
 
 from ..errors import InputError
 from ..io.whole_files import Opener, opening_by
-from ..record.channels import CHANNEL, COMBINED, combine, split_parts
-from ..record.derive import derive
 from ..record.motor import Motor
-from ..record.record import ColumnReading, Record
+from ..record.record import Record
 from ..record.table import Table
-from ..record.units import Unit, find_unit, to_canonical
 from .hints import hints_of
 from .joined import read_whole_test
 from .read import is_text_table, name_of_test, read_raw, read_record, read_whole
-from .text.reader import ColumnHead, Rows, TextForm, form_of, further_rows, with_missing_rows
-from .text.values import Growth
+from .text.reader import head_of, with_missing_rows
 
 SAME_CLOCK_S = 1e-3
-"""Rounding of a 32-bit clock after hours [s]; a larger shift is a clock that was wrapped."""
-
-LONGEST_STEP_S = 43_200.0
-"""A longer step between rows, or one back, says that a clock was not understood [s]."""
-
-
-@dataclass(frozen=True)
-class Origin:
-    """What a channel is read from.
-
-    Attributes:
-        columns: One column, or those that are combined.
-        unit: Their unit.
-        how: As `heatrun.record.channels.combine`; empty for one column.
-    """
-
-    columns: tuple[str, ...]
-    unit: Unit
-    how: str = ""
-
-
-@dataclass(frozen=True)
-class Conversion:
-    """What turns columns of a file into the channels of a record.
-
-    Attributes:
-        origins: Canonical name to what it is read from.
-        constants: Channels that do not change, in their canonical unit.
-        step_s: Step of a time that is made from a rate [s], None for a file with its own.
-        phases: Number of phases.
-        losses: Meaning of `losses_W`, as in `heatrun.record.motor.Motor`.
-    """
-
-    origins: Mapping[str, Origin]
-    constants: Mapping[str, float]
-    step_s: float | None
-    phases: int
-    losses: str
-
-    @classmethod
-    def of(cls, record: Record, motor: Motor | None, heads: Sequence[ColumnHead]) -> Conversion:
-        """Take how a record came about.
-
-        Args:
-            record: Read from the beginning of the file.
-            motor: The machine that it was read for, or None.
-            heads: What stands over the columns of the file.
-        """
-        origins = {
-            one.channel: origin
-            for one in record.mapping
-            if (origin := _origin(one, heads)) is not None
-        }
-        has_rate = "time_s" not in origins and record.time_s.size > 1
-        return cls(
-            origins,
-            motor.constants if motor else {},
-            record.duration_s / (record.time_s.size - 1) if has_rate else None,
-            motor.phases if motor else 3,
-            motor.losses if motor else "balance",
-        )
-
-    @property
-    def columns(self) -> frozenset[str]:
-        """The columns of the file that are channels."""
-        return frozenset(name for origin in self.origins.values() for name in origin.columns)
-
-    def channels(
-        self, rows: Rows, last_s: float, shift_s: float
-    ) -> tuple[dict[str, np.ndarray], float]:
-        """Return the channels of rows, and what their times are shifted by.
-
-        Args:
-            rows: The first of them is the last one that is known already.
-            last_s: Time of that one [s]; NaN if it has none.
-            shift_s: What was added to the times of the file so far [s].
-
-        Returns:
-            Canonical name to values, shape (row,), the first included, and the shift [s].
-        """
-        found = {
-            name: _values(name, origin, rows)
-            for name, origin in self.origins.items()
-            if all(column in rows.values for column in origin.columns)
-        }
-        if self.step_s is not None:
-            found["time_s"] = last_s + self.step_s * np.arange(rows.num_rows)
-        elif "time_s" in found:
-            here_s = float(found["time_s"][0])
-            if not abs(here_s + shift_s - last_s) < SAME_CLOCK_S and np.isfinite(here_s + last_s):
-                shift_s = last_s - here_s
-            found["time_s"] = found["time_s"] + shift_s
-        losses = "map" if self.losses == "map" else "balance"
-        found, _ = derive(found, phases=self.phases, losses=losses, constants=self.constants)
-        return found, shift_s
-
-
-def _origin(reading: ColumnReading, heads: Sequence[ColumnHead]) -> Origin | None:
-    """Return what a channel is read from; None where that cannot be told from its reading."""
-    unit = find_unit(reading.unit, CHANNEL[reading.channel].quantity)
-    several = COMBINED.fullmatch(reading.column)
-    if unit is None or several is None:
-        return None if unit is None else Origin((reading.column,), unit)
-    parts = [part.partition("[")[0].strip() for part in split_parts(several["parts"])]
-    names = [
-        next((head.name for head in heads if part in (head.name, head.label)), "") for part in parts
-    ]
-    return Origin(tuple(names), unit, several["how"]) if all(names) else None
-
-
-def _values(channel: str, origin: Origin, rows: Rows) -> np.ndarray:
-    parts = [to_canonical(rows.values[column], origin.unit) for column in origin.columns]
-    return combine(channel, origin.how, parts) if origin.how else parts[0]
-
-
-def agrees(found: Mapping[str, np.ndarray], record: Record, num_rows: int) -> bool:
-    """Return whether further rows are what the record holds at its end.
-
-    Args:
-        found: From `Conversion.channels`, shape (row,).
-        record: Read from the whole file.
-        num_rows: So many rows from the end are held against each other.
-    """
-    return all(
-        name in found
-        and np.allclose(
-            found[name][-num_rows:], values[-num_rows:], rtol=1e-9, equal_nan=True,
-            atol=SAME_CLOCK_S if name == "time_s" else 1e-12,
-        )
-        for name, values in record.channels.items()
-    )  # fmt: skip
-
-
-def is_steady(time_s: np.ndarray) -> bool:
-    """Return whether times go on as a clock does.
-
-    Args:
-        time_s: Times [s], shape (row,), the last known one in front.
-    """
-    steps = np.diff(time_s[np.isfinite(time_s)])
-    return bool(np.all((steps >= 0.0) & (steps <= LONGEST_STEP_S)))
-
+"""Rounding of a 32-bit clock after hours [s]; a larger difference is another clock."""
 
 FIRST_ROWS = 1024
 
@@ -206,12 +60,7 @@ class GrowingColumns:
         return sum(held.nbytes for held in self._held.values())
 
     def add(self, rows: Mapping[str, np.ndarray], num_rows: int) -> None:
-        """Add rows.
-
-        Args:
-            rows: By column, shape (new,); a column that is not there gets NaN.
-            num_rows: How many.
-        """
+        """Add rows by column, shape (new,); a column that is not there gets NaN."""
         end = self._num_rows + num_rows
         for name, held in self._held.items():
             if end > held.size:
@@ -247,11 +96,9 @@ class Other:
 
 
 def other_columns(path: Path, record: Record) -> dict[str, Other]:
-    """Return the columns of numbers of a file that are no channel, by name.
+    """Return the columns of numbers of a record's file that are no channel, by name.
 
-    Args:
-        path: The file that the record was read from.
-        record: The test; columns that are not on its time axis are left out.
+    Those that are not on its time axis are left out.
 
     Raises:
         InputError: If the file cannot be read.
@@ -260,12 +107,7 @@ def other_columns(path: Path, record: Record) -> dict[str, Other]:
 
 
 def others_of(table: Table, record: Record) -> dict[str, Other]:
-    """Return the columns of numbers of a table that are no channel, by name.
-
-    Args:
-        table: What was read of the file.
-        record: The test that was made of it.
-    """
+    """Return the columns of numbers of a table that are no channel of its record, by name."""
     held: Mapping[str, np.ndarray] = {
         column.name: column.values for column in table.columns if column.name in record.unused
     }
@@ -279,11 +121,51 @@ def others_of(table: Table, record: Record) -> dict[str, Other]:
     }
 
 
+MARK_BYTES = 4096
+"""Bytes at both ends of what was read that must still be there for a file to be the same."""
+
+MOST_BYTES = 32 << 20
+"""Most that one look reads [byte]; what is more waits for the next one."""
+
+
+class Growth:
+    """The end of a file that a bench appends lines to.
+
+    A line counts once its line end is there, so a torn one waits for the next look. A file counts
+    as the same one while what was read of it still stands at its place: the first and the last
+    `MARK_BYTES` of it are compared, at each look, so that the cost of a look depends on what is new
+    and not on the length of the file.
+    """
+
+    def __init__(self) -> None:
+        self._head = b""
+        self._tail = b""
+        self.num_read = 0
+
+    def look(self, file: BinaryIO) -> bytes | None:
+        """Return the new whole lines of an open file, whose writer may go on meanwhile.
+
+        None if what was read is not there any more: the next look begins at the start.
+        """
+        file.seek(0)
+        is_same = file.read(len(self._head)) == self._head
+        file.seek(self.num_read - len(self._tail))
+        if not is_same or file.read(len(self._tail)) != self._tail:
+            self._head, self._tail, self.num_read = b"", b"", 0
+            return None
+        data = file.read(MOST_BYTES)
+        data = data[: data.rfind(b"\n") + 1]
+        self.num_read += len(data)
+        self._head = (self._head + data[:MARK_BYTES])[:MARK_BYTES]
+        self._tail = (self._tail + data)[-MARK_BYTES:]
+        return data
+
+
 BUSY_SHARE = 0.05
 """Share of the time that reading the whole file again may take."""
 
-TRIED_BYTES = 20_000
-"""Last lines of the first look [byte] on which the reading of further lines is tried."""
+KNOWN_BYTES = 2000
+"""Lines that are known already and read again in front of new ones [byte]; up to twice as many."""
 
 HEAD_BYTES = 4096
 """Beginning of a file that tells its format [byte]."""
@@ -306,18 +188,24 @@ class Followed:
 
 @dataclass
 class _Known:
-    """What is known of the file since it was read whole."""
+    """What is known of the file since it was read whole.
+
+    Attributes:
+        record: As it was read then, without its channels.
+        num_rows: Rows that it had.
+        head: What stands above the data; None if new lines cannot be read under it.
+        lines: The last lines.
+        anchor: Row that the first of them is.
+    """
 
     record: Record
     num_rows: int
-    conversion: Conversion
-    form: TextForm | None
     channels: GrowingColumns
     others: GrowingColumns
     other_units: Mapping[str, str]
-    last: bytes = b""
-    last_s: float = np.nan
-    shift_s: float = 0.0
+    head: bytes | None = None
+    lines: bytes = b""
+    anchor: int = 0
     num_lost: int = 0
 
 
@@ -351,9 +239,6 @@ class FollowedTest:
     def look(self, opener: Opener) -> Followed:
         """Return the test with what was written since the last look.
 
-        Args:
-            opener: Opens the file for reading.
-
         Raises:
             InputError: If there is no table in it yet, it cannot be opened, or is no text.
         """
@@ -367,17 +252,17 @@ class FollowedTest:
 
     def _look(self, file: BinaryIO) -> Followed:
         self._refuse_other_formats(file)
-        grown = self._growth.look(file)
-        if grown.kind == "replaced":
+        data = self._growth.look(file)
+        if data is None:
             at = time.strftime("%H:%M:%S")
             self._notice = f"The file was replaced or cut at {at}: it is read from its start again."
             self._known = self._seen = None
-            grown = self._growth.look(file)
+            data = self._growth.look(file) or b""
         known = self._known
         if known is None:
-            self._start(grown.data)
-        elif grown.data or self._is_behind:
-            self._go_on(known, grown.data, file)
+            self._start(data)
+        elif data or self._is_behind:
+            self._go_on(known, data, file)
         elif self._seen is not None:
             return self._seen
         self._seen = self._snapshot()
@@ -400,63 +285,56 @@ class FollowedTest:
             self._growth = Growth()
             raise
 
-    def _read_whole(self, data: bytes) -> _Known:
-        """Read whole lines from the start of the file like a file of its own."""
-        begun_s = time.monotonic()
+    def _read(self, data: bytes) -> tuple[Record, dict[str, Other]]:
+        """Read whole lines like a file of its own."""
         where, motor = str(self._path), self._motor
         with opening_by(lambda _: io.BytesIO(data)):
             record = read_whole_test(where, motor) if motor else read_record(where)
-        table = read_whole(io.BytesIO(data), where)
-        hints = hints_of(
-            motor.columns_of(name_of_test(self._path)) if motor else None,
-            motor.decimal if motor else None,
-            where=where,
-        )
-        others = others_of(table, record)
-        form = form_of(data, where, hints)
+        others = others_of(read_whole(io.BytesIO(data), where), record) if record.unused else {}
+        return record, others
+
+    def _read_whole(self, data: bytes) -> _Known:
+        """Read the file from its start."""
+        begun_s = time.monotonic()
+        record, others = self._read(data)
         known = _Known(
-            record,
+            replace(record, channels={}),  # the rows stand in `channels`
             record.time_s.size,
-            Conversion.of(record, motor, form.heads if form else ()),
-            form,
             GrowingColumns(record.channels),
             GrowingColumns({name: other.values for name, other in others.items()}),
             {name: other.unit for name, other in others.items()},
         )
-        self._try(known, data)
-        known.record = replace(record, channels={})  # the rows stand in `channels`
+        motor = self._motor
+        hints = hints_of(
+            motor.columns_of(name_of_test(self._path)) if motor else None,
+            motor.decimal if motor else None,
+            where=str(self._path),
+        )
+        known.head = head_of(data, str(self._path), hints)
+        if known.head is not None:
+            self._keep_last(known, data[len(known.head) :])
         self._read_at_s, self._is_behind = time.monotonic(), False
         self._took_s = self._read_at_s - begun_s
         return known
 
-    def _try(self, known: _Known, data: bytes) -> None:
-        """Read the last lines once more as further ones; if they differ, it is not done so."""
-        if known.form is None:
+    def _keep_last(self, known: _Known, lines: bytes) -> None:
+        """Keep the last lines, if they alone are read as they were."""
+        cut = len(lines) - KNOWN_BYTES
+        known.lines = lines[lines.find(b"\n", cut) + 1 :] if cut > 0 else lines
+        try:
+            record, _ = self._read((known.head or b"") + known.lines)
+        except InputError:
+            known.head = None
             return
-        cut = len(data) - TRIED_BYTES
-        rows = further_rows(data[data.find(b"\n", cut) + 1 if cut > 0 else 0 :], known.form, "")
-        time_s = known.record.time_s
-        num_rows = min(rows.num_rows, time_s.size)
-        raw, _ = known.conversion.channels(rows, 0.0, 0.0)
-        if num_rows == 0 or "time_s" not in raw or not np.isfinite(time_s[-1]):
-            known.form = None
-            return
-        known.last, known.last_s = rows.last, float(time_s[-1])
-        known.shift_s = known.last_s - float(raw["time_s"][-1])
-        found = {**raw, "time_s": raw["time_s"] + known.shift_s}
-        if not agrees(found, known.record, num_rows):
-            known.form = None
+        known.anchor = known.channels.num_rows - record.time_s.size
+        if _continued(known, record) is None:
+            known.head = None
 
     def _go_on(self, known: _Known, data: bytes, file: BinaryIO) -> None:
-        is_odd = known.form is None or self._is_behind
-        if known.form is not None and data:
-            try:
-                is_odd = not self._add(known, data, known.form) or is_odd
-            except InputError:  # a quotation mark that is not closed
-                is_odd = True
-        self._is_behind = is_odd
+        if not self._is_behind:
+            self._is_behind = not self._add(known, data)
         rested_s = time.monotonic() - self._read_at_s
-        if not is_odd or rested_s < self._took_s / BUSY_SHARE:
+        if not self._is_behind or rested_s < self._took_s / BUSY_SHARE:
             return
         file.seek(0)
         try:
@@ -465,42 +343,37 @@ class FollowedTest:
             self._notice, self._is_behind = str(error), False
             self._read_at_s = time.monotonic()
 
-    def _add(self, known: _Known, data: bytes, form: TextForm) -> bool:
+    def _add(self, known: _Known, data: bytes) -> bool:
         """Add new lines; return whether they were understood as the whole file would be."""
-        rows = further_rows(known.last + data, form, str(self._path))
-        num_new = rows.num_rows - 1
-        known.num_lost += rows.num_lost
-        if num_new < 1:
-            return not rows.num_lost
-        channels, known.shift_s = known.conversion.channels(rows, known.last_s, known.shift_s)
-        time_s = channels.get("time_s", np.full(rows.num_rows, np.nan))
-        known.channels.add({name: values[1:] for name, values in channels.items()}, num_new)
-        known.others.add({name: values[1:] for name, values in rows.values.items()}, num_new)
-        known.last = rows.last
-        with_time = np.flatnonzero(np.isfinite(time_s))
-        known.last_s = float(time_s[with_time[-1]]) if with_time.size else known.last_s
-        names = known.conversion.columns
-        is_new = any(
-            name not in names and name not in known.other_units and np.isfinite(values[1:]).any()
-            for name, values in rows.values.items()
-        )
-        has_gap = bool(rows.num_lost) and known.conversion.step_s is not None
-        return not (rows.odd & names or is_new or has_gap) and is_steady(time_s)
+        if known.head is None:
+            return False
+        known.lines += data
+        try:
+            record, others = self._read(known.head + known.lines)
+        except InputError:
+            return False
+        channels = _continued(known, record)
+        if channels is None or others.keys() - known.other_units.keys():
+            return False
+        overlap = known.channels.num_rows - known.anchor
+        num_new = record.time_s.size - overlap
+        known.channels.add({name: values[overlap:] for name, values in channels.items()}, num_new)
+        rows = {name: other.values[overlap:] for name, other in others.items()}
+        known.others.add(rows, num_new)
+        known.num_lost += sum(bool(line.strip()) for line in data.split(b"\n")) - num_new
+        if len(known.lines) > 2 * KNOWN_BYTES:
+            self._keep_last(known, known.lines)
+        return True
 
     def _snapshot(self) -> Followed:
         known = self._known
         assert known is not None
-        lost = (
-            (f"{known.num_lost} of the lines written since hold no sample.",)
-            if known.num_lost
-            else ()
-        )
-        is_grown = known.channels.num_rows > known.num_rows
-        first = known.record
+        lost = f"{known.num_lost} of the lines written since hold no sample."
+        first, is_grown = known.record, known.channels.num_rows > known.num_rows
         record = replace(
             first,
             channels=known.channels.views(),
-            notes=(*first.notes, *lost),
+            notes=(*first.notes, lost) if known.num_lost > 0 else first.notes,
             # what is shown is no file that a run could have been made from
             sources=tuple(replace(one, sha256="") for one in first.sources)
             if is_grown
@@ -511,3 +384,24 @@ class FollowedTest:
             for name, values in known.others.views().items()
         }
         return Followed(record, others, self._notice)
+
+
+def _continued(known: _Known, record: Record) -> dict[str, np.ndarray] | None:
+    """Channels of a record of the last lines, its clock as before; None if it begins otherwise."""
+    before = {name: values[known.anchor :] for name, values in known.channels.views().items()}
+    overlap, time_s = before["time_s"].size, record.time_s
+    with_time = np.flatnonzero(np.isfinite(time_s[:overlap]))
+    if known.anchor < 0 or time_s.size < overlap or not with_time.size:
+        return None
+    at = with_time[-1]
+    shift_s = before["time_s"][at] - time_s[at]
+    channels = {**record.channels, "time_s": time_s + shift_s}
+    missing = np.full(time_s.size, np.nan)
+    is_same = channels.keys() <= before.keys() and all(
+        np.allclose(
+            channels.get(name, missing)[:overlap], values, rtol=1e-9, equal_nan=True,
+            atol=SAME_CLOCK_S if name == "time_s" else 1e-12,
+        )
+        for name, values in before.items()
+    )  # fmt: skip
+    return channels if is_same else None

@@ -7,6 +7,8 @@ import io
 import logging
 import warnings
 from collections.abc import Iterator
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +17,22 @@ from ..errors import InputError
 
 class BrokenFileError(Exception):
     """What our own checks found wrong with a file, in words for its reader."""
+
+
+def library(name: str, what: str, where: str) -> Any:
+    """Return a module that is installed with the extra of heatrun's called as the format.
+
+    Raises:
+        InputError: If it is not installed.
+    """
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise InputError(
+            f"Reading {what} needs {name.partition('.')[0]}, which is not installed.",
+            where=where,
+            remedy=f'Run: pip install "heatrun[{what.lower()}]"',
+        ) from error
 
 
 @contextlib.contextmanager
@@ -52,13 +70,7 @@ def reading(what: str, where: str) -> Iterator[None]:
 
 
 def damaged(what: str, where: str, problem: str) -> InputError:
-    """Return the error for a file that is damaged or cut.
-
-    Args:
-        what: As `reading`.
-        where: As `reading`.
-        problem: What is wrong with it.
-    """
+    """Return the error for a file of a format, as `reading`, that is damaged or cut."""
     first_line = problem.strip().splitlines()[0][:300] if problem.strip() else "no reason given"
     return InputError(
         f"Expected {what}, it could not be read ({first_line}).",

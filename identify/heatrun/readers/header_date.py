@@ -11,7 +11,7 @@ from __future__ import annotations
 import datetime
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import pandas as pd
 
@@ -25,10 +25,7 @@ FIRST_YEAR = 1990
 
 
 def day_of(start: str) -> str:
-    """Return the day of a moment as ISO 8601; empty without one or of a clock that was never set.
-
-    Args:
-        start: A day or a moment, the year first.
+    """Return the day of a moment, the year first, as ISO 8601; empty of a clock that was never set.
 
     Example:
         >>> day_of("2026-03-04T10:00:00+00:00"), day_of("1970-01-01"), day_of("")
@@ -109,9 +106,6 @@ MOST_LOOKED_AT = 1000
 def plain_clock(cell: str) -> str:
     """Return a time or date with the signs that a clock has: 9h05m10s as 9:05:10.
 
-    Args:
-        cell: Any text.
-
     Example:
         >>> plain_clock("01/26/2024 08:07:12:237")
         '01/26/2024 08:07:12.237'
@@ -130,9 +124,6 @@ def plain_clocks(cells: pd.Series) -> pd.Series:
     """Return such times and dates; as `plain_clock`, and with fractions of one or two digits.
 
     A fraction that is as long in every cell is one; else it counts thousandths.
-
-    Args:
-        cells: Texts without blanks around them, shape (time,).
     """
     first = cells[cells != ""].iloc[:MOST_LOOKED_AT]
     if first.map(plain_clock).equals(first) and not first.str.fullmatch(SHORT_FRACTION).any():
@@ -162,11 +153,7 @@ def is_worded_date(cell: str) -> bool:
 def numbered_dates(cells: pd.Series) -> tuple[pd.Series, str]:
     """Return such dates as year-month-day and clock, and why their order is known.
 
-    Args:
-        cells: Texts without blanks around them, shape (time,); others stay as they are.
-
-    Returns:
-        The cells, and the reason, empty if no cell is such a date.
+    Other cells stay as they are; the reason is empty if no cell is such a date.
     """
     for reason, forms in FORMS.items():
         for form in forms:
@@ -213,14 +200,8 @@ OF_SOMETHING_ELSE = re.compile(
 MOST_LINES = 200
 
 
-@dataclass(frozen=True)
-class HeaderDay:
-    """What the header says of the day of a test.
-
-    Attributes:
-        day: ISO 8601; empty if it says none, or several.
-        note: Where the day is from, or why there is none; empty if no line speaks of it.
-    """
+class HeaderDay(NamedTuple):
+    """Day of a test, empty without one or of several, and where it is from or why there is none."""
 
     day: str = ""
     note: str = ""
@@ -231,9 +212,6 @@ def header_day(lines: Iterable[str]) -> HeaderDay:
 
     A date counts where the words before it say that it is that of the test, or where it begins its
     line. 03/04/2025 could be March or April, and counts for nothing.
-
-    Args:
-        lines: The preamble of a text table or of a sheet.
 
     Example:
         >>> header_day(["Kalibriert: 01.02.2023", "Datum: 04.03.2025"]).day

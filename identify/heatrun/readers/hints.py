@@ -25,13 +25,9 @@ class Hints:
     sheet: str | None = None
 
     def unit_of(self, name: str, label: str) -> str | None:
-        """Return the unit text that `[columns]` states for a column, or None.
+        """Return the unit text that `[columns]` states for a column of this name and label, if any.
 
         A right-hand side that is the name as it stands in the file states nothing of its own.
-
-        Args:
-            name: Name of the column in the file.
-            label: The name without its unit.
         """
         for claim in self.claims:
             if claim.base == name:
@@ -48,13 +44,7 @@ def hints_of(
     where: str,
     sheet: str | None = None,
 ) -> Hints:
-    """Return what a motor file says about reading.
-
-    Args:
-        columns: Its `[columns]`.
-        decimal: Its `decimal`.
-        where: The file that is read, for messages.
-        sheet: Sheet that the test names.
+    """Return what the `[columns]` and `decimal` of a motor file say about reading.
 
     Raises:
         InputError: If `[columns]` names a channel that is not known.

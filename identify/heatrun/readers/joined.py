@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 from ..errors import InputError
 from ..io.own_files import refuse_own_file
@@ -100,11 +101,7 @@ def read_test(path: Path | str, motor: Motor) -> Record:
 
 
 def read_whole_test(path: Path | str, motor: Motor) -> Record:
-    """Read a test as `read_test`, whatever parts of it the motor file uses.
-
-    Args:
-        path: As `read_test`, without a stretch.
-        motor: The machine.
+    """Read a test as `read_test` without a stretch, whatever parts of it the motor file uses.
 
     Raises:
         InputError: If a file cannot be read or the two cannot be joined.
@@ -112,38 +109,40 @@ def read_whole_test(path: Path | str, motor: Motor) -> Record:
     return _with_constants(_read_files(str(path), motor), motor)
 
 
-def files_of(path: Path | str) -> tuple[tuple[Path, str | None], ...]:
-    """Return the files of a test as the command line names it, each with its sheet if it names one.
+class _File(NamedTuple):
+    """A file as the command line names it."""
 
-    Args:
-        path: As `read_test`.
-    """
+    path: Path
+    sheet: str | None
+    rate: str | None
+
+
+def _files(path: Path | str) -> list[_File]:
     text, _ = _with_stretch(str(path))
-    files = []
-    for part in (text,) if _exists(text) else text.split("+"):
-        rate = None if _exists(part) else RATE.match(part)
-        files.append(_with_sheet(rate["path"] if rate else part))
-    return tuple(files)
+    return [_file(part) for part in ((text,) if _exists(text) else text.split("+"))]
+
+
+def _file(text: str) -> _File:
+    found = None if _exists(text) else RATE.match(text)
+    name, rate = (found["path"], found["rate"].strip()) if found else (text, None)
+    sheet = None if _exists(name) else SHEET.match(name)
+    if sheet is None:
+        return _File(Path(name), None, rate)
+    return _File(Path(sheet["path"]), sheet["sheet"], rate)
+
+
+def files_of(path: Path | str) -> tuple[tuple[Path, str | None], ...]:
+    """Return the files of a test as the command line names it, each with the sheet it names."""
+    return tuple((file.path, file.sheet) for file in _files(path))
 
 
 def has_rate(path: Path | str) -> bool:
-    """Return whether a file of a test carries its sampling rate behind it.
-
-    Args:
-        path: As `read_test`.
-    """
-    text, _ = _with_stretch(str(path))
-    parts = (text,) if _exists(text) else text.split("+")
-    return any(RATE.match(part) for part in parts if not _exists(part))
+    """Return whether a file of a test carries its sampling rate behind it."""
+    return any(file.rate is not None for file in _files(path))
 
 
 def _with_stretch(text: str) -> tuple[str, Stretch | None]:
     return (text, None) if _exists(text) else stretch_of(text)
-
-
-def _with_sheet(text: str) -> tuple[Path, str | None]:
-    found = None if _exists(text) else SHEET.match(text)
-    return (Path(text), None) if found is None else (Path(found["path"]), found["sheet"])
 
 
 def _read_files(text: str, motor: Motor) -> Record:
@@ -174,21 +173,16 @@ def _with_constants(record: Record, motor: Motor) -> Record:
 
 
 def _read(text: str, motor: Motor, *, is_part: bool = False) -> Record:
-    found = None if _exists(text) else RATE.match(text)
-    if found is None:
-        path, sheet = _with_sheet(text)
-        refuse_own_file(path, for_fit=False)
-        return read_record(path, motor, is_part=is_part, sheet=sheet)
-    rate = found["rate"].strip()
-    if not found["path"] or not NUMBER.fullmatch(rate):
+    path, sheet, rate = _file(text)
+    if rate is not None and (path == Path() or not NUMBER.fullmatch(rate)):
         raise InputError(
             f"Expected a file and its sampling rate, as in drive.csv@10Hz, got '{text[:80]}'.",
             where=text,
             remedy="Write the rate as a number with a point, such as 10 or 0.5.",
         )
-    path, sheet = _with_sheet(found["path"])
     refuse_own_file(path, for_fit=False)
-    return read_record(path, motor, rate_Hz=float(rate), is_part=is_part, sheet=sheet)
+    rate_Hz = None if rate is None else float(rate)
+    return read_record(path, motor, rate_Hz=rate_Hz, is_part=is_part, sheet=sheet)
 
 
 def _exists(text: str) -> bool:

@@ -87,14 +87,9 @@ class NamedUnit:
 
 @lru_cache(maxsize=16384)
 def named_unit(label: str, quantity: str) -> NamedUnit | None:
-    """Return the unit that a label names for a quantity, or None.
+    """Return the unit that a label without its marked units names for a quantity, or None.
 
-    Args:
-        label: Column name without its marked units, such as `"Pv_kW_mean"`.
-        quantity: Key of `QUANTITIES`.
-
-    Returns:
-        The unit; it may also be one that is not accepted, which then is to be refused.
+    It may also be one that is not accepted, which then is to be refused.
     """
     text = plain(label)
     whole = unit_of_cell(text)
@@ -127,10 +122,6 @@ def rival_unit(label: str, quantity: str) -> str | None:
     Also one that may be part of the name, such as MW; but no single letter, no unit of a number in
     the name ("losses at 10 kW") no "amp", which is as often an amplitude, and no "uA", which may be
     the phase u.
-
-    Args:
-        label: As `named_unit`.
-        quantity: As `named_unit`.
     """
     named = named_unit(label, quantity)
     if named is None or COUNTED in named.doubt or named.unit.casefold() in ("amp", "ua"):
@@ -161,10 +152,7 @@ def _inside(text: str, parts: list[tuple[int, int]], quantity: str) -> NamedUnit
 def speaks_of(label: str, quantity: str = "", unit: str | None = None) -> dict[str, int]:
     """Return the channels that a label speaks of, as `likely_channels`, its unit left off.
 
-    Args:
-        label: As `named_unit`.
-        quantity: What it may be of; by default anything.
-        unit: What the file states; by default what the label names.
+    Where nothing states the unit it is that of the quantity which the label names.
     """
     named = named_unit(label, quantity) if quantity else None
     is_unit = named is not None and find_unit(named.unit, quantity)
@@ -181,11 +169,7 @@ def words_in(label: str, quantity: str = "") -> str:
 
 
 def without_sure_unit(label: str) -> str:
-    """Return a label without a unit at its end that can be nothing else, for any quantity.
-
-    Args:
-        label: As `named_unit`.
-    """
+    """Return a label without a unit at its end that can be nothing else, for any quantity."""
     text = plain(label)
     parts = [found.span() for found in PARTS.finditer(text)][-4 * NUM_PARTS :]
     for rest, _ in _rests(text, parts):
@@ -294,13 +278,8 @@ def _after_number(text: str, start: int, word: str) -> str:
 def columns_of(label: str, channel: str, pool: Iterable[Column]) -> list[Column]:
     """Return the columns of a label, as written or else without regard to case.
 
-    Columns of which nothing but a unit has to be left off come before those that are also called
-    a mean.
-
-    Args:
-        label: Column name without its unit.
-        channel: Canonical name whose units may end the name ("torque_Nm"), or any other text.
-        pool: The columns to look through.
+    Columns of which nothing but a unit of the channel's quantity has to be left off come before
+    those that are also called a mean.
     """
     folded = label.casefold()
     near = [column for column in pool if folded in column.label.casefold()]

@@ -238,10 +238,6 @@ class Spoken:
 def likely_channels(name: str, unit: str | None = None) -> dict[str, int]:
     """Return the channels that a column's name speaks of and how surely, the surest first.
 
-    Args:
-        name: As it stands in the file, or without its unit.
-        unit: What the file states.
-
     Example:
         >>> likely_channels("Wicklungstemperatur")
         {'winding_degC': 3}
@@ -283,11 +279,7 @@ def _quantities(said: Set[str], stated: set[str]) -> set[str] | None:
 
 
 def read_name(name: str) -> Spoken:
-    """Return what the words of a name mean.
-
-    Args:
-        name: Without its unit, whose letters would be words.
-    """
+    """Return what the words of a name mean, without its unit, whose letters would be words."""
     if name in UNITS_ALONE:
         return Spoken(frozenset(UNITS_ALONE[name].split()), False, False)
     words = _words(name)

@@ -17,7 +17,6 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -39,19 +38,14 @@ from ..record.units import (
     require_unit,
     to_canonical,
 )
+from ..results.model import DescribedTest
 from .labels import named_unit, rival_unit
 
 PLAIN_AMPERES = frozenset((*AMPERE, *MILLIAMPERE, *KILOAMPERE))
 
 
 def line_of(channel: Channel, column: Column, unit: str | None = None) -> str:
-    """Return the line of a motor file that reads a column as a channel in a unit.
-
-    Args:
-        channel: What the column is to become.
-        column: The column.
-        unit: Unit text, None for the canonical one.
-    """
+    """Return the line of a motor file that reads a column as a channel, by default in its unit."""
     text = json.dumps(f"{column.name} [{unit or channel.unit}]", ensure_ascii=False)
     return f"[columns] {channel.name} = {text}"
 
@@ -72,11 +66,6 @@ def statements(column: Column) -> tuple[Stated, ...]:
 
 def unit_of(column: Column, channel: Channel, where: str) -> tuple[str | None, UnitSource]:
     """Return the unit text of a column that becomes a channel, and how it is known.
-
-    Args:
-        column: The column.
-        channel: What it becomes.
-        where: File and column, for the message.
 
     Returns:
         The text, None if nobody says.
@@ -129,12 +118,8 @@ def _binding(column: Column, quantity: str) -> tuple[Stated, ...]:
 def _agrees(first: Stated, second: Stated, quantity: str, *, may_refine: bool) -> bool:
     """Return whether two statements mean the same unit.
 
-    Args:
-        first: One of them.
-        second: The other.
-        quantity: Of both.
-        may_refine: The first is a part of the name: a plain A in it says nothing of rms or peak,
-            so that a unit that does is no contradiction.
+    Where the first is a part of the name, a plain A in it says nothing of rms or peak, so that a
+    unit that does is no contradiction.
     """
     one, other = find_unit(first.text, quantity), find_unit(second.text, quantity)
     if one == other:
@@ -171,13 +156,7 @@ def _by_general(column: Column, channel: Channel, where: str) -> tuple[str | Non
 
 
 def overridden(column: Column, channel: Channel, decided: str) -> Stated | None:
-    """Return the first statement of a file that `[columns]` decides against, or None.
-
-    Args:
-        column: The column.
-        channel: What it becomes.
-        decided: Unit text in `[columns]`.
-    """
+    """Return the first statement of a file that a unit in `[columns]` decides against, if any."""
     quantity = channel.quantity
     unit = find_unit(decided, quantity)
     rival = rival_unit(column.label, quantity)
@@ -237,21 +216,23 @@ EFFECTIVE = re.compile(r"rms|(?:^|[^a-z])eff(?![a-z])|effekt", re.IGNORECASE)
 
 
 @dataclass
-class Assignment:
-    """What is mapped so far; filled during one call of `map_columns` and then left.
+class MappedColumns:
+    """The canonical channels of one file; filled during one call of `map_columns` and then left.
 
     Attributes:
         where: The file, for messages.
         taken: Canonical name to its column.
-        channels: Canonical name to values in the canonical unit, shape (time,).
+        channels: Canonical name to float64 in the canonical unit, shape (time,).
         excluded: Canonical names that no column may become.
-        notes: One sentence for each channel.
-        findings: Doubts about columns.
+        notes: What was mapped from where, and with which unit.
+        findings: Doubts about the mapping.
         readings: How each column became its channel.
         parts: Canonical name to the columns that it combines, where it does.
         refused: Name of a column to the reason why it is no channel, whatever it looks like.
         decided: Channels whose unit `[columns]` itself gives.
         absent: Identities of columns whose zeros stand for what was not recorded.
+        unused: Columns that became no channel.
+        rate_Hz: Sampling rate that `[columns]` gives in place of a time column [Hz], or None.
     """
 
     where: str
@@ -265,6 +246,17 @@ class Assignment:
     refused: dict[str, str] = field(default_factory=dict)
     decided: set[str] = field(default_factory=set)
     absent: set[int] = field(default_factory=set)
+    unused: tuple[str, ...] = ()
+    rate_Hz: float | None = None
+
+    @property
+    def start(self) -> str:
+        """When the times begin, as `Column.start`."""
+        return self.taken["time_s"].start if "time_s" in self.taken else ""
+
+    def names(self, channel: str) -> tuple[str, ...]:
+        """Return the names of the columns that a channel is made of."""
+        return tuple(one.name for one in self.parts.get(channel, [self.taken[channel]]))
 
     @property
     def used(self) -> set[int]:
@@ -286,15 +278,10 @@ class Assignment:
         *,
         is_decided: bool = False,
     ) -> None:
-        """Take a column for a channel and convert it.
+        """Take a column for a channel and convert it from its unit, None for the canonical one.
 
-        Args:
-            channel: What it becomes.
-            column: The column.
-            unit: Its unit text, None for the canonical unit.
-            source: Who says so, for the note.
-            unit_from: How the unit is known.
-            is_decided: `[columns]` itself gives the unit, whatever the file says.
+        `source` says who says so; where `is_decided` `[columns]` itself gives the unit, whatever
+        the file says.
 
         Raises:
             InputError: If the unit is not one of the channel's quantity, or the file leaves
@@ -332,16 +319,16 @@ class Assignment:
             self.findings += [letter] if letter else []
 
     def add_combined(
-        self, name: str, text: str, how: str, columns: Sequence[Column], each: Sequence[Assignment]
+        self,
+        name: str,
+        text: str,
+        how: str,
+        columns: Sequence[Column],
+        each: Sequence[MappedColumns],
     ) -> None:
-        """Take several columns for a channel.
+        """Take several columns for the channel `name`, each of them taken alone before.
 
-        Args:
-            name: What they become.
-            text: What `[columns]` says.
-            how: As `heatrun.record.channels.combine`.
-            columns: The columns.
-            each: Each of them, taken for the channel alone.
+        `text` is what `[columns]` says, `how` as `heatrun.record.channels.combine`.
         """
         readings = [reading for one in each for reading in one.readings]
         values = [one.channels[name] for one in each]
@@ -391,12 +378,6 @@ def _excludes(channels: Sequence[str]) -> bool:
 def doubt_of_kind(channel: Channel, column: Column, symbol: str, where: str) -> Finding | None:
     """Return the finding about a current that is read as rms and called an amplitude, or the other
     way round; None where nothing speaks against the reading.
-
-    Args:
-        channel: What the column becomes.
-        column: The column.
-        symbol: Its unit; of a d or q current the plain one is an amplitude.
-        where: File and column.
     """
     prefix = symbol.partition("_")[0]
     said = next((one for one in column.beside if one.scope == "kind"), None)
@@ -465,20 +446,6 @@ KEPT = 17
 """Letters of a name that a line of the terminal or the sheet has room for, and from its start."""
 
 
-class Read(Protocol):
-    """A test of which it is known how its columns were read."""
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-        ...
-
-    @property
-    def mapping(self) -> Sequence[ColumnReading]:
-        """From `describe_mapping`; may be empty."""
-        ...
-
-
 @dataclass(frozen=True)
 class ReadColumns:
     """How the columns of a test were read.
@@ -493,13 +460,10 @@ class ReadColumns:
 
 
 def describe_mapping(record: Record) -> list[ColumnReading]:
-    """Return how each channel of a record came about, derived ones too.
+    """Return how each channel of a record came about, derived ones too, in the order of the
+    channels.
 
-    Args:
-        record: Any record; one that was made in memory has no columns.
-
-    Returns:
-        By channel; `found_by` says who says that it is this channel, or holds the formula.
+    `found_by` says who says that it is this channel, or holds the formula.
     """
     if not record.mapping:
         return []
@@ -513,7 +477,8 @@ def describe_mapping(record: Record) -> list[ColumnReading]:
         ColumnReading(name, "", CHANNEL[name].unit, "derived", formula, "")
         for name, formula in derived.items()
     ]
-    return sorted([*record.mapping, *more], key=lambda row: _position(row.channel))
+    places = {name: place for place, name in enumerate(CHANNEL)}
+    return sorted([*record.mapping, *more], key=lambda row: places.get(row.channel, len(places)))
 
 
 def describe_columns(record: Record) -> ReadColumns:
@@ -522,11 +487,7 @@ def describe_columns(record: Record) -> ReadColumns:
 
 
 def mapping_rows(mapping: Sequence[ColumnReading]) -> list[list[str]]:
-    """Return the rows of a table under `HEAD`; names too long for it are cut.
-
-    Args:
-        mapping: From `describe_mapping`.
-    """
+    """Return the rows of a table under `HEAD`; names too long for it are cut."""
     return [
         [
             row.channel,
@@ -539,12 +500,8 @@ def mapping_rows(mapping: Sequence[ColumnReading]) -> list[list[str]]:
     ]
 
 
-def mapping_text(tests: Sequence[Read]) -> str:
-    """Return aligned tables of columns and channels; tests that were read alike share one.
-
-    Args:
-        tests: Such as the tests of `fit.json`.
-    """
+def mapping_text(tests: Sequence[ReadColumns | DescribedTest]) -> str:
+    """Return aligned tables of columns and channels; tests that were read alike share one."""
     blocks = []
     for names, rows in grouped(tests):
         widths = [max(len(line[i]) for line in (HEAD, *rows)) for i in range(len(HEAD) - 1)]
@@ -559,12 +516,8 @@ def mapping_text(tests: Sequence[Read]) -> str:
     return "\n".join(blocks)
 
 
-def grouped(tests: Sequence[Read]) -> list[tuple[str, list[list[str]]]]:
-    """Return names of tests that were read alike, with the rows of their table.
-
-    Args:
-        tests: As `mapping_text`; those without a mapping are left out.
-    """
+def grouped(tests: Sequence[ReadColumns | DescribedTest]) -> list[tuple[str, list[list[str]]]]:
+    """Return names of tests that were read alike, with the rows of their table, if any."""
     alike: dict[str, tuple[list[str], list[list[str]]]] = {}
     for test in tests:
         rows = mapping_rows(test.mapping)
@@ -579,10 +532,6 @@ def assumption(channels: Sequence[str]) -> str:
         f"Unit assumed for {', '.join(channels)}: no file and no name gives it. State it in "
         "[columns] if you know it."
     )
-
-
-def _position(channel: str) -> int:
-    return list(CHANNEL).index(channel) if channel in CHANNEL else len(CHANNEL)
 
 
 def _cut(text: str) -> str:

@@ -21,7 +21,8 @@ from ..errors import InputError
 from ..io.open_file import LARGEST_NUMBERS
 from ..record.record import Finding
 from ..record.table import Table
-from .mat5 import DEEPEST, DamagedFileError, Text, Value, read_variables
+from .foreign import reading
+from .mat5 import DEEPEST, Text, Value, read_variables
 from .stored import Stored, as_stated, wanted
 
 Nested = Stored | str | Sequence["Nested"] | Mapping[str, "Nested"]
@@ -57,9 +58,7 @@ class Leaf:
 def leaves(variables: Mapping[str, Nested], joint: str = ".") -> list[Leaf]:
     """Return every variable; a struct without any number is one itself.
 
-    Args:
-        variables: By name, as a reader found them.
-        joint: What stands between the names of a struct and of its field.
+    The joint stands between the names of a struct and of its field.
     """
     return [leaf for name, value in variables.items() for leaf in _leaves(name, name, value, joint)]
 
@@ -88,7 +87,9 @@ def _of_struct(name: str, heading: str, fields: Mapping[str, Nested], joint: str
         path = f"{name}{joint}{key}"
         if key.casefold() in VALUES and isinstance(one, Stored) and is_signal:
             yield Leaf(path, named or heading, replace(one, unit=one.unit or unit))
-        elif isinstance(one, Text) or (is_signal and _is_said(one)):
+        elif isinstance(one, Text) or (
+            is_signal and isinstance(one, Stored | str) and not _is_course(one)
+        ):
             continue  # what is said of the signal beside its values
         else:
             word = TIME if key == "X" and "Y" in fields else key
@@ -99,17 +100,8 @@ def _is_course(value: Nested) -> bool:
     return isinstance(value, Stored) and value.values.size > 1
 
 
-def _is_said(value: Nested) -> bool:
-    return isinstance(value, Stored | str) and not _is_course(value)
-
-
 def courses(leaf: Leaf, length: int) -> list[tuple[str, str, np.ndarray]] | None:
-    """Return name, heading and values of each column of a variable, None if it has no such.
-
-    Args:
-        leaf: The variable.
-        length: Number of samples.
-    """
+    """Return name, heading and values of each column of so many samples, None without one."""
     if isinstance(leaf.value, str):
         return None
     values = leaf.value.values
@@ -143,15 +135,12 @@ def is_vector(values: np.ndarray) -> bool:
 DIMENSION_ALONE = "This is a netCDF dimension but not a netCDF variable"
 """What netCDF 4 writes beside the zeros that stand for a dimension in HDF5."""
 
+WHAT = "a MAT file"
 REMEDY = "Save the signals as numeric vectors of one length: save('test.mat', 't', 'Is', …)."
 
 
 def read_mat(data: bytes, where: str) -> Table:
     """Read a MAT file of versions 5 to 7.
-
-    Args:
-        data: The bytes of the file.
-        where: The file, for messages.
 
     Returns:
         Numeric vectors of one common length as columns, also those in structs
@@ -167,10 +156,8 @@ def read_mat(data: bytes, where: str) -> Table:
             where=where,
             remedy="In MATLAB: save('test.mat', …, '-v7'). If it is text, name it .csv.",
         )
-    try:
+    with reading(WHAT, where):
         variables = read_variables(data)
-    except DamagedFileError as error:
-        raise _damaged(where, str(error)) from error
     return table_of({name: _plain(value) for name, value in variables.items()}, "MAT 5", where)
 
 
@@ -186,10 +173,6 @@ def _plain(value: Value) -> Nested:
 def read_hdf5(data: bytes, where: str) -> Table:
     """Read a MAT file of version 7.3, or another HDF5 file with vectors in it or in its groups.
 
-    Args:
-        data: As `read_mat`.
-        where: As `read_mat`.
-
     Returns:
         As `read_mat`; units, scaling and marks of missing values that stand as attributes beside
         the numbers are followed, also those of netCDF 4.
@@ -199,16 +182,13 @@ def read_hdf5(data: bytes, where: str) -> Table:
     """
     import h5py
 
-    try:
-        with h5py.File(io.BytesIO(data), "r") as file:
-            room = _Room(LARGEST_NUMBERS)
-            # names that begin so are MATLAB's own tables of references
-            names = [name for name in map(str, file) if not name.startswith("#")]
-            items = {name: _own(file, name) for name in names}
-            variables = {name: _value(file, item, room) for name, item in items.items()}
-            is_matlab = any("MATLAB_class" in one.attrs for one in items.values() if one)
-    except Exception as error:  # a damaged file raises nearly anything in there
-        raise _damaged(where, f"{type(error).__name__}: {error}") from error
+    with reading(WHAT, where), h5py.File(io.BytesIO(data), "r") as file:
+        room = _Room(LARGEST_NUMBERS)
+        # names that begin so are MATLAB's own tables of references
+        names = [name for name in map(str, file) if not name.startswith("#")]
+        items = {name: _own(file, name) for name in names}
+        variables = {name: _value(file, item, room) for name, item in items.items()}
+        is_matlab = any("MATLAB_class" in one.attrs for one in items.values() if one)
     return table_of(variables, "MAT 7.3 (HDF5)", where, joint="." if is_matlab else "/")
 
 
@@ -307,12 +287,8 @@ def table_of(
 ) -> Table:
     """Return the courses of one common length as columns, and scalars as constants.
 
-    Args:
-        variables: By name the numbers, the fields of a struct or a group, or what a variable is
-            instead.
-        reader: Format, for the record.
-        where: The file, for messages.
-        joint: What stands between the names of a struct and of its field.
+    Variables are numbers, the fields of a struct or a group, or what a variable is instead; the
+    joint stands between the names of a struct and of its field.
 
     Raises:
         InputError: If there is no numeric vector.
@@ -379,12 +355,4 @@ def _left_out(found: Sequence[Leaf], length: int, where: str) -> tuple[Finding, 
             remedy=_remedy(found),
             values={"count": len(names), "length": length},
         ),
-    )
-
-
-def _damaged(where: str, problem: str) -> InputError:
-    return InputError(
-        f"Expected a MAT file, it could not be read ({problem}).",
-        where=where,
-        remedy="Copy the file again from the bench; it may have been cut.",
     )

@@ -16,6 +16,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..io.open_file import LARGEST_BYTES
+from .foreign import BrokenFileError
 
 HEADER_BYTES = 128
 TAG_BYTES = 8
@@ -43,10 +44,6 @@ DEEPEST = 8  # structs within structs; what lies deeper is left out
 COMPLEX_FLAG = 0x0800
 
 
-class DamagedFileError(ValueError):
-    """The bytes are no whole MATLAB 5 file; the text says what is wrong."""
-
-
 class Text(str):
     """What a variable of letters says."""
 
@@ -59,20 +56,17 @@ a struct; for all others a plain string says of what kind they are."""
 def read_variables(data: bytes) -> dict[str, Value]:
     """Return the variables of a MATLAB 5 file.
 
-    Args:
-        data: The bytes of the file.
-
     Returns:
         By name the values, numbers as float64 in the shape that MATLAB shows.
 
     Raises:
-        DamagedFileError: If the file is cut or damaged.
+        BrokenFileError: If the file is cut or damaged.
     """
     if len(data) < HEADER_BYTES:
-        raise DamagedFileError("it ends within its header")
+        raise BrokenFileError("it ends within its header")
     order = {b"IM": "<", b"MI": ">"}.get(data[HEADER_BYTES - 2 : HEADER_BYTES])
     if order is None:
-        raise DamagedFileError("its header names no byte order")
+        raise BrokenFileError("its header names no byte order")
     variables: dict[str, Value] = {}
     room = LARGEST_BYTES
     for kind, content in _elements(memoryview(data)[HEADER_BYTES:], order):
@@ -93,11 +87,11 @@ def _unpacked(content: memoryview, room: int) -> memoryview:
     try:
         unpacked = machine.decompress(content, room + 1)
     except zlib.error as error:
-        raise DamagedFileError(f"a compressed variable is damaged ({error})") from error
+        raise BrokenFileError(f"a compressed variable is damaged ({error})") from error
     if len(unpacked) > room:
-        raise DamagedFileError(f"its variables take more than {LARGEST_BYTES // 2**20} MB")
+        raise BrokenFileError(f"its variables take more than {LARGEST_BYTES // 2**20} MB")
     if not machine.eof:
-        raise DamagedFileError("a compressed variable is cut")
+        raise BrokenFileError("a compressed variable is cut")
     return memoryview(unpacked)
 
 
@@ -109,19 +103,19 @@ def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
         if kind >> 16:  # a small element holds its content within the tag
             kind, size, start, following = kind & 0xFFFF, kind >> 16, position + 4, TAG_BYTES
             if size > 4:
-                raise DamagedFileError("a small element is too long")
+                raise BrokenFileError("a small element is too long")
         else:
             start = position + TAG_BYTES
             padding = 0 if kind == COMPRESSED else -size % 8
             following = TAG_BYTES + size + padding
         if start + size > len(data):
-            raise DamagedFileError(
+            raise BrokenFileError(
                 f"a variable of {size} bytes is announced where {len(data) - start} are left"
             )
         yield kind, data[start : start + size]
         position += following
     if position < len(data):
-        raise DamagedFileError("it ends within the head of a variable")
+        raise BrokenFileError("it ends within the head of a variable")
 
 
 def _variable(content: memoryview, order: str, depth: int = 0) -> tuple[str, Value]:
@@ -129,7 +123,7 @@ def _variable(content: memoryview, order: str, depth: int = 0) -> tuple[str, Val
     parts = _elements(content, order)
     flags = _integers(parts, order, "flags")
     if flags.size == 0:
-        raise DamagedFileError("a variable has no flags")
+        raise BrokenFileError("a variable has no flags")
     array_class = int(flags[0]) & 0xFF
     opaque = array_class == OPAQUE_CLASS
     shape = np.empty(0) if opaque else _integers(parts, order, "shape")
@@ -145,7 +139,7 @@ def _variable(content: memoryview, order: str, depth: int = 0) -> tuple[str, Val
     values = _numbers(parts, order).astype(np.float64)
     sizes = [int(size) for size in shape]
     if len(sizes) < 2 or min(sizes) < 0 or np.prod(sizes, dtype=float) != values.size:
-        raise DamagedFileError(f"variable {name} has {values.size} numbers for a shape {sizes}")
+        raise BrokenFileError(f"variable {name} has {values.size} numbers for a shape {sizes}")
     return name, values.reshape(sizes, order="F")
 
 
@@ -162,7 +156,7 @@ def _nested(
         names = _integers(parts, order, "field names").astype(np.uint8).tobytes()
         step = int(length[0]) if length.size else 0
         if step < 1 or len(names) % step:
-            raise DamagedFileError("the names of the fields of a struct are damaged")
+            raise BrokenFileError("the names of the fields of a struct are damaged")
         fields = [
             names[i : i + step].partition(b"\0")[0].decode("utf-8", "replace")
             for i in range(0, len(names), step)
@@ -172,14 +166,14 @@ def _nested(
     values: list[Value] = []
     for element, content in parts:
         if element != MATRIX:
-            raise DamagedFileError(
+            raise BrokenFileError(
                 f"expected a value of a {kind}, found an element of type {element}"
             )
         values.append(_variable(content, order, depth + 1)[1] if len(content) else "nothing")
     if not fields:
         return values
     if len(values) % len(fields):
-        raise DamagedFileError("a struct does not hold a value for each of its fields")
+        raise BrokenFileError("a struct does not hold a value for each of its fields")
     structs = [
         dict(zip(fields, values[i : i + len(fields)], strict=True))
         for i in range(0, len(values), len(fields))
@@ -199,7 +193,7 @@ def _integers(parts: Iterator[tuple[int, memoryview]], order: str, what: str) ->
     """Return the numbers of the next element, `what` of a variable, which must be integers."""
     numbers = _numbers(parts, order)
     if numbers.dtype.kind == "f":
-        raise DamagedFileError(f"the {what} of a variable are stored as floating-point numbers")
+        raise BrokenFileError(f"the {what} of a variable are stored as floating-point numbers")
     return numbers
 
 
@@ -208,8 +202,8 @@ def _numbers(parts: Iterator[tuple[int, memoryview]], order: str) -> np.ndarray:
     kind, content = next(parts, (0, memoryview(b"")))
     stored = STORED.get(kind)
     if stored is None:
-        raise DamagedFileError(f"expected numbers, found an element of type {kind}")
+        raise BrokenFileError(f"expected numbers, found an element of type {kind}")
     item = np.dtype(order + stored)
     if len(content) % item.itemsize:
-        raise DamagedFileError("an element ends within a number")
+        raise BrokenFileError("an element ends within a number")
     return np.frombuffer(content, dtype=item)

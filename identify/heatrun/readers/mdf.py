@@ -23,7 +23,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..record.table import FRAME_CHANNEL, no_signals
-from .foreign import damaged, reading
+from .foreign import BrokenFileError, damaged, library, reading
 from .mdf_blocks import check_blocks, check_unpacked_size
 from .measurement import Measurement, Series, StoredChannel
 
@@ -64,15 +64,6 @@ class _View(io.RawIOBase):
         return len(data)
 
 
-def without_extras(stream: BinaryIO) -> io.BufferedReader:
-    """Return a file whose header links to its data alone.
-
-    Args:
-        stream: The file, seekable; stays open.
-    """
-    return io.BufferedReader(_View(stream))
-
-
 WHAT = "an MDF 4 file"
 FRAGMENT_BYTES = 8 * 2**20
 """Data held at once while one channel is picked out of them [bytes]."""
@@ -97,33 +88,22 @@ REMOTE_MASTER = 8  # cg_flags: the times stand in another group
 def open_mdf(stream: BinaryIO, where: str) -> Iterator[Measurement]:
     """Open an MDF 4 file; its channels can be read until the context ends.
 
-    Args:
-        stream: The file, open for reading in binary.
-        where: The file, for messages.
-
     Raises:
         InputError: If asammdf is not installed, or the file is damaged, cut, of an older version
             or was not closed by its recorder.
     """
-    try:
-        from asammdf import MDF
-    except ImportError as error:
-        raise InputError(
-            "Reading MDF needs asammdf, which is not installed.",
-            where=where,
-            remedy='Run: pip install "heatrun[mdf]"',
-        ) from error
+    asammdf = library("asammdf", "MDF", where)
     _check_version(stream, where)
     with reading(WHAT, where):
         check_blocks(stream)
-        source: Any = without_extras(stream)
+        source: Any = io.BufferedReader(_View(stream))
         options: Any = {
             "process_bus_logging": False,
             "add_array_components": False,
             "use_display_names": False,
         }
         try:
-            file: Any = MDF(source, **options)
+            file: Any = asammdf.MDF(source, **options)
         except Exception as error:
             _close_half_open(error)
             raise
@@ -181,6 +161,7 @@ def _channels(file: Any) -> tuple[tuple[StoredChannel, ...], tuple[str, ...]]:
     counts = Counter(named)
     channels, masters = [], {}
     for number, group in enumerate(file.groups):
+        _check_records(group)
         label = named[number]
         if not label or counts[label] > 1:
             label = f"{label} (group {number + 1})" if label else f"group {number + 1}"
@@ -190,15 +171,25 @@ def _channels(file: Any) -> tuple[tuple[StoredChannel, ...], tuple[str, ...]]:
                 continue
             is_frame = FRAME_CHANNEL.fullmatch(channel.name)
             text = FRAME if is_frame else _text(channel, group.channel_dependencies[index])
-            unit = (channel.unit or "").strip() or _unit_of_conversion(channel)
+            units = (channel.unit, getattr(channel.conversion, "unit", ""))
+            unit = next(filter(None, ((one or "").strip() for one in units)), None)
             channels.append(
                 StoredChannel(channel.name, label, unit, (number, index), text, _refusal(channel))
             )
     return tuple(channels), tuple(masters)
 
 
-def _unit_of_conversion(channel: Any) -> str | None:
-    return (getattr(channel.conversion, "unit", "") or "").strip() or None
+def _check_records(group: Any) -> None:
+    """Refuse channels beyond their record, which the library would copy from memory of others."""
+    about = group.channel_group
+    size, num_bits = about.samples_byte_nr, 8 * about.invalidation_bytes_nr
+    for channel in group.channels:
+        begin = channel.byte_offset
+        end = begin + (channel.bit_offset + channel.bit_count + 7) // 8
+        if end > size and channel.channel_type not in (VIRTUAL_MASTER, VIRTUAL):
+            raise BrokenFileError(f"a channel at bytes {begin} to {end} of a record of {size}")
+        if channel.flags & INVALID_BIT and channel.pos_invalidation_bit >= num_bits:
+            raise BrokenFileError(f"an invalidation bit beyond the {num_bits} of the record")
 
 
 def _text(channel: Any, parts: object) -> str:

@@ -96,16 +96,10 @@ class Header:
         zeros: Set[str] = frozenset(),
         time_s: np.ndarray | None = None,
     ) -> Table:
-        """Return a table in which a column without values holds a placeholder.
+        """Return a table of so many rows in which a column without values holds a placeholder.
 
         Which column becomes which channel depends on the names and, for some, on whether a column
         holds anything but zeros. Placeholders say both without a value being read.
-
-        Args:
-            size: Number of rows.
-            values: Column name to samples, shape (size,).
-            zeros: Columns that hold nothing but zeros.
-            time_s: Times [s], shape (size,).
         """
         blank = {True: np.broadcast_to(0.0, (size,)), False: np.broadcast_to(1.0, (size,))}
         columns = []
@@ -128,10 +122,6 @@ def header_of(measurement: Measurement, columns: Columns) -> Header:
 
     A name that occurs once is its own; one that occurs in several groups becomes `group/name`, as
     does a name that `[columns]` writes so.
-
-    Args:
-        measurement: The file.
-        columns: `[columns]` of the motor file.
     """
     named = [part for _, text in lines_of(columns) for part in columns_named(text)]
     asked = {split_name(text)[0] for text in named} | set(named)

@@ -20,10 +20,6 @@ WHAT = "a classic netCDF file"
 def read_netcdf3(data: bytes, where: str) -> Table:
     """Read a classic netCDF file.
 
-    Args:
-        data: The bytes of the file.
-        where: The file, for messages.
-
     Returns:
         As `heatrun.readers.mat.read_hdf5`.
 

@@ -12,6 +12,7 @@ from ..errors import InputError
 from ..io.open_file import LARGEST_NUMBERS
 from ..record.header import split_name
 from ..record.table import Column, Table
+from .foreign import library, reading
 from .stored import as_stated, wanted
 
 NANOSECONDS = 1e-9
@@ -19,10 +20,6 @@ NANOSECONDS = 1e-9
 
 def read_parquet(data: bytes, where: str) -> Table:
     """Read a Parquet table.
-
-    Args:
-        data: The bytes of the file.
-        where: The file, for messages.
 
     Returns:
         Numbers and truth values as columns, timestamps in seconds from the first one, durations
@@ -33,16 +30,9 @@ def read_parquet(data: bytes, where: str) -> Table:
     Raises:
         InputError: If pyarrow is not installed, the file is damaged or holds no numbers.
     """
-    try:
-        import pyarrow.parquet
-    except ImportError as error:
-        raise InputError(
-            "Reading Parquet needs pyarrow, which is not installed.",
-            where=where,
-            remedy='Run: pip install "heatrun[parquet]"',
-        ) from error
-    try:
-        table, texts = _numbers_of(pyarrow.parquet.ParquetFile(io.BytesIO(data)))
+    pyarrow = library("pyarrow.parquet", "Parquet", where)
+    with reading("a Parquet table", where):
+        table, texts = _numbers_of(pyarrow.ParquetFile(io.BytesIO(data)))
         columns = []
         by_column = _units_of_frame(table.schema)
         for field, chunks in zip(table.schema, table.columns, strict=True):
@@ -58,12 +48,6 @@ def read_parquet(data: bytes, where: str) -> Table:
             stored = as_stated(values, _attributes(field, by_column.get(field.name)))
             columns.append(stored.column(name, stored.values, "the field's metadata"))
         columns += _range_index(table.schema, table.num_rows)
-    except Exception as error:  # a damaged file raises nearly anything in there
-        raise InputError(
-            f"Expected a Parquet table, it could not be read ({type(error).__name__}: {error}).",
-            where=where,
-            remedy="Copy the file again from the bench; it may have been cut.",
-        ) from error
     if not columns or table.num_rows == 0:
         raise InputError(
             "Expected at least one row of numbers, found none.",

@@ -40,15 +40,7 @@ TDMS = (b"TDSm",)
 def opened(
     stream: BinaryIO, where: str, columns: Columns | None = None
 ) -> Iterator[Measurement | None]:
-    """Open a measurement file for the time of the context.
-
-    Args:
-        stream: Any file, seekable.
-        where: The file, for messages.
-        columns: `[columns]` of the motor file.
-
-    Returns:
-        The measurement; None for a file of another format.
+    """Open a measurement file for the time of the context; give None for a file of another format.
 
     Raises:
         InputError: If the file is a measurement and damaged, or the library for it is missing.
@@ -75,34 +67,31 @@ GZIP = b"\x1f\x8b"
 HDF5 = b"\x89HDF\r\n\x1a\n"
 NETCDF3 = (b"CDF\x01", b"CDF\x02")
 HDF5_OFFSET = 512  # MATLAB writes its own header of this size in front
+EXPECTED = "Expected CSV, MAT, Parquet, MDF, TDMS or Excel"
+AS_CSV, UNPACKED = "Export the recording as CSV; only gzip is unpacked.", "Unpack it first."
 OTHER_FORMATS = {
-    b"\xd0\xcf\x11\xe0": "an old spreadsheet, or one with a password",
-    b"MDF     ": "a packed MDF measurement file",
-    b"UnFinMF ": "a packed MDF measurement file",
-    b"TDSm": "a packed TDMS measurement file",
-    b"TDSh": "the index of a TDMS file",
-    b"\x80\x04": "a Python pickle",
-    b"\x80\x05": "a Python pickle",
-    b"%PDF": "a PDF document",
-    b"\xfd7zXZ\x00": "an xz archive",
-    b"CDF\x05": "a netCDF file with 64-bit data",
-    b"BZh": "a bzip2 archive",
-    b"SQLite format 3": "an SQLite data base",
-    b"\x28\xb5\x2f\xfd": "a zstd archive",
-    b"7z\xbc\xaf\x27\x1c": "a 7z archive",
-    b"Rar!": "a RAR archive",
-}
-"""First bytes of files that are no table for heatrun, and what they are."""
-
-REMEDIES = {
-    b"\xd0\xcf\x11\xe0": "Save it as .xlsx without a password.",
-    b"MDF     ": "Unpack it first.",
-    b"UnFinMF ": "Unpack it first.",
-    b"TDSm": "Unpack it first.",
-    b"TDSh": "Give the TDMS file itself.",
-    b"CDF\x05": "Convert it to netCDF 4, for example by: nccopy -k nc4 OLD.nc NEW.nc",
-}
-"""What to do about them; for all others, export the recording as CSV."""
+    b"\xd0\xcf\x11\xe0": (
+        "an old spreadsheet, or one with a password", "Save it as .xlsx without a password."
+    ),
+    b"MDF     ": ("a packed MDF measurement file", UNPACKED),
+    b"UnFinMF ": ("a packed MDF measurement file", UNPACKED),
+    b"TDSm": ("a packed TDMS measurement file", UNPACKED),
+    b"TDSh": ("the index of a TDMS file", "Give the TDMS file itself."),
+    b"\x80\x04": ("a Python pickle", AS_CSV),
+    b"\x80\x05": ("a Python pickle", AS_CSV),
+    b"%PDF": ("a PDF document", AS_CSV),
+    b"\xfd7zXZ\x00": ("an xz archive", AS_CSV),
+    b"CDF\x05": (
+        "a netCDF file with 64-bit data",
+        "Convert it to netCDF 4, for example by: nccopy -k nc4 OLD.nc NEW.nc",
+    ),
+    b"BZh": ("a bzip2 archive", AS_CSV),
+    b"SQLite format 3": ("an SQLite data base", AS_CSV),
+    b"\x28\xb5\x2f\xfd": ("a zstd archive", AS_CSV),
+    b"7z\xbc\xaf\x27\x1c": ("a 7z archive", AS_CSV),
+    b"Rar!": ("a RAR archive", AS_CSV),
+}  # fmt: skip
+"""First bytes of files that are no table for heatrun, what they are, and what to do about them."""
 
 
 def read_raw(path: str | Path) -> Table:
@@ -129,11 +118,6 @@ def read_raw(path: str | Path) -> Table:
 
 def read_whole(stream: BinaryIO, where: str, hints: Hints = NO_HINTS) -> Table:
     """Read an open bench file that is no measurement file, under its own column names.
-
-    Args:
-        stream: What `heatrun.io.open_file.open_input` gave.
-        where: The file, for messages.
-        hints: What the motor file says about reading it.
 
     Raises:
         InputError: As `read_raw`.
@@ -174,34 +158,25 @@ def read_record(
     where = str(path)
     if rate_Hz is not None:
         positive_rate(rate_Hz, where)
-    columns = motor.columns_of(name_of_test(Path(path), sheet)) if motor else None
-    phases, losses = (motor.phases, motor.losses) if motor else (3, "balance")
-    raster_s = motor.raster_s if motor else None
-    # another part may hold what the motor file states for want of a column
-    constants = motor.constants if motor and not is_part else {}
+    motor = motor or Motor("")
+    columns = motor.columns_of(name_of_test(Path(path), sheet))
     with open_input(path) as stream, opened(stream, where, columns) as measurement:
         if measurement is not None:
             sha256 = digest_of(stream)
             table, mapped = read_measurement(
-                measurement,
-                columns,
-                where=where,
-                is_part=is_part,
-                raster_s=raster_s,
-                phases=phases,
-                losses=losses,
-                constants=constants,
+                measurement, motor, columns, where=where, is_part=is_part
             )
         else:
             data = read_stream(stream, where)
             sha256 = hashlib.sha256(data).hexdigest()
-            decimal = motor.decimal if motor else None
-            hints = hints_of(columns, decimal, where=where, sheet=sheet)
+            hints = hints_of(columns, motor.decimal, where=where, sheet=sheet)
             table = _read_bytes(data, where, hints)
             mapped = map_columns(table, columns, where=where, is_part=is_part)
-            if raster_s is not None:
-                unused = f"raster_s = {raster_s:g} is for MDF and TDMS; the file keeps its times."
-                mapped = replace(mapped, notes=(*mapped.notes, unused))
+            if motor.raster_s is not None:
+                unused = (
+                    f"raster_s = {motor.raster_s:g} is for MDF and TDMS; the file keeps its times."
+                )
+                mapped.notes.append(unused)
     channels = dict(mapped.channels)
     time_s, origin_s, time_notes, missing = _time(mapped, table, rate_Hz, where)
     if time_s.size > table.num_rows and table.sample_numbers is not None:
@@ -210,7 +185,7 @@ def read_record(
     if measurement is None:
         channels, joined = at_own_rates(channels, where)
         missing = (*missing, *joined)
-    channels, derived = derive(channels, phases=phases, losses=losses)
+    channels, derived = derive(channels, phases=motor.phases, losses=motor.losses)
     test = name or name_of_test(Path(path), sheet)
     conflict = resistance_conflict(table.constants, motor, where)
     start = day_of(mapped.start)
@@ -230,8 +205,8 @@ def read_record(
         ),
         findings=tuple(replace(finding, test=test) for finding in findings),
         unused=mapped.unused,
-        mapping=mapped.readings,
-        decided=mapped.decided,
+        mapping=tuple(mapped.readings),
+        decided=frozenset(mapped.decided),
         origin_s=origin_s,
         start=start or headed.day,
         start_from=CLOCK if start else HEADER if headed.day else "",
@@ -248,13 +223,9 @@ def _read_bytes(data: bytes, where: str, hints: Hints) -> Table:
 
 def _reader(data: bytes, where: str, hints: Hints) -> Callable[[bytes, str], Table]:
     """Return the reader for a content; imported here since each loads a large library."""
-    for start, kind in OTHER_FORMATS.items():
+    for start, (kind, remedy) in OTHER_FORMATS.items():
         if data.startswith(start):
-            raise InputError(
-                f"Expected CSV, MAT, Parquet, MDF, TDMS or Excel, got {kind}.",
-                where=where,
-                remedy=REMEDIES.get(start, "Export the recording as CSV; only gzip is unpacked."),
-            )
+            raise InputError(f"{EXPECTED}, got {kind}.", where=where, remedy=remedy)
     if data.startswith(BLF):
         raise no_signals("BLF", where)
     if data.startswith(ZIP):
@@ -289,11 +260,7 @@ def _reader(data: bytes, where: str, hints: Hints) -> Callable[[bytes, str], Tab
 
 
 def is_text_table(data: bytes, where: str) -> bool:
-    """Return whether a content is read as a text table, as its first bytes and its name say.
-
-    Args:
-        data: The content; its first kilobyte will do.
-        where: The file.
+    """Return whether a content, its first kilobyte will do, is read as a text table.
 
     Raises:
         InputError: If it is of a format that is not read at all.
@@ -351,12 +318,7 @@ def _time(
 
 
 def name_of_test(path: Path, sheet: str | None = None) -> str:
-    """Return the name of the test in a file, which figures, tables and messages print.
-
-    Args:
-        path: The file.
-        sheet: Sheet of a workbook that was asked for.
-    """
+    """Return the name of the test in a file, which figures, tables and messages print."""
     stem = _stem(path) if sheet is None else f"{_stem(path)}_{sheet}"
     # on the terminal a control character would act
     return "".join(c if c.isprintable() else "?" for c in stem)

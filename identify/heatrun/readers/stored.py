@@ -100,13 +100,9 @@ class Stored:
         *,
         heading: str = "",
     ) -> Column:
-        """Return the variable as a column, with the unit that stands beside it.
+        """Return values of the variable as a column, with the unit that stands beside it.
 
-        Args:
-            name: Name of the variable.
-            values: Its values, shape (time,).
-            source: Where the unit stands, for messages.
-            heading: What it is called, where `name` says more than that.
+        `source` says where the unit stands, `heading` what it is called where the name says more.
         """
         heading = "" if heading == name else heading
         label, by_name = split_name(heading or name)
@@ -141,12 +137,7 @@ def wanted(names: Sequence[str]) -> list[str]:
 
 
 def as_stated(raw: np.ndarray, attributes: Mapping[str, Any]) -> Stored:
-    """Return numbers as the attributes beside them say.
-
-    Args:
-        raw: Numbers as they are stored.
-        attributes: Name to text or number, as the file has them.
-    """
+    """Return numbers as the attributes beside them say, text or number by name."""
     said = {name.casefold(): _plain(value) for name, value in attributes.items()}
     is_unsigned = str(said.get("_unsigned", "")).casefold() == "true" and raw.dtype.kind == "i"
     if is_unsigned:

@@ -26,13 +26,12 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from ..errors import InputError
 from ..record.channels import CHANNEL, COLUMN_MAPS, Columns, lines_of
 from ..record.header import split_name
 from ..record.record import Finding, UnitSource
 from ..record.table import Column, Stated
 from ..record.units import require_unit, to_canonical
-from .foreign import BrokenFileError, damaged, reading
+from .foreign import BrokenFileError, damaged, library, reading
 from .labels import columns_of
 from .mapping import unit_of
 from .measurement import Measurement, Series, StoredChannel
@@ -54,8 +53,7 @@ SCALE = re.compile(r"NI_Scale\[(\d+)\]_Scale_Type")
 def scaling_refusal(properties: Sequence[Mapping[str, object]]) -> tuple[str, str] | None:
     """Return why the scaling of a channel cannot be trusted and what to do, None if it can.
 
-    Args:
-        properties: Of the channel, its group and the file; the first with scalings counts.
+    Of the properties of channel, group and file the first with scalings count.
     """
     for held in properties:
         found = {int(match[1]): str(kind) for name, kind in held.items()
@@ -90,14 +88,7 @@ NOT_CLOSED = 2**64 - 1
 
 
 def check_segments(stream: BinaryIO, where: str) -> tuple[Finding, ...]:
-    """Check that the segments of a file follow each other to its end.
-
-    Args:
-        stream: The file, seekable.
-        where: The file, for messages.
-
-    Returns:
-        A finding if the recorder did not close its last segment.
+    """Return a finding if the recorder did not close the last of the segments of a file.
 
     Raises:
         BrokenFileError: If a segment begins with anything else, or ends beyond the file.
@@ -172,28 +163,16 @@ def open_tdms(
     """Open a TDMS file; its channels can be read until the context ends.
 
     A channel has the times of its waveform properties, else those of a channel of times in its
-    group, else none. Dates count from the earliest of the file.
-
-    Args:
-        stream: The file, open for reading in binary.
-        where: The file, for messages.
-        columns: `[columns]` of the motor file; its `time_s` may name the channels of times.
+    group, which `[columns]` may name, else none. Dates count from the earliest of the file.
 
     Raises:
         InputError: If npTDMS is not installed, or the file is damaged or cut.
     """
-    try:
-        from nptdms import TdmsFile
-    except ImportError as error:
-        raise InputError(
-            "Reading TDMS needs npTDMS, which is not installed.",
-            where=where,
-            remedy='Run: pip install "heatrun[tdms]"',
-        ) from error
+    nptdms = library("nptdms", "TDMS", where)
     with reading(WHAT, where):
         findings = check_segments(stream, where)
         stream.seek(0)
-        file: Any = TdmsFile.open(stream)
+        file: Any = nptdms.TdmsFile.open(stream)
         _check_lengths(file, stream.seek(0, io.SEEK_END))
         claimed = dict(split_name(text) for name, text in lines_of(columns) if name == "time_s")
         clocks = {group.name: _clock(group, claimed) for group in file.groups()}
@@ -242,9 +221,7 @@ def _check_lengths(file: Any, size: int) -> None:
 def _clock(group: Any, claimed: Mapping[str, str | None]) -> Clock:
     """Return the channel of times of a group whose channels have no waveform properties.
 
-    Args:
-        group: The group.
-        claimed: Labels that `[columns]` names, each with its unit or None.
+    `claimed` are the labels that `[columns]` names, each with its unit or None.
     """
     channels = group.channels()
     if all(_increment(channel) is not None for channel in channels):
@@ -364,11 +341,8 @@ def _clock_unit(clock: Clock, where: str) -> tuple[str, UnitSource]:
         return clock.unit, "stated"
     label, said = split_name(clock.channel.name)
     stored = clock.channel.properties.get("unit_string")
-    beside = (Stated(stored.strip(), "the unit beside it"),) if _is_text(stored) else ()
+    stored = stored.strip() if isinstance(stored, str) else ""
+    beside = (Stated(stored, "the unit beside it"),) if stored else ()
     column = Column(clock.channel.name, label, said, np.empty(0), beside=beside)
     unit, known_from = unit_of(column, time, f"{where}, times '{clock.channel.name}'")
     return unit or time.unit, known_from
-
-
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str) and bool(value.strip())

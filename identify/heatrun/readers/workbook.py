@@ -23,7 +23,7 @@ from ..record.channels import CHANNEL, REQUIRED
 from ..record.record import Finding
 from ..record.table import Column, Table
 from .channel_map import map_columns
-from .foreign import BrokenFileError, reading
+from .foreign import BrokenFileError, library, reading
 from .hints import NO_HINTS, Hints
 from .text.reader import read_text
 from .text.remarks import units_of_row
@@ -45,34 +45,12 @@ HEADER_ROWS = 40
 
 
 @dataclass(frozen=True)
-class Lines:
-    """The cells of a sheet.
-
-    Attributes:
-        rows: Texts by row and column, from the first row of the sheet on; columns that hold
-            nothing anywhere are left out.
-        uncalculated: The first cell whose formula has no value, or empty.
-    """
-
-    rows: tuple[tuple[str, ...], ...]
-    uncalculated: str = ""
-
-    @property
-    def text(self) -> str:
-        """The rows as lines with tabs between the cells."""
-        return "\n".join("\t".join(map(_quoted, row)) if any(row) else "" for row in self.rows)
-
-
-@dataclass(frozen=True)
 class Sheet:
-    """A sheet of an open workbook.
+    """A sheet of an open workbook of the library's.
 
     Attributes:
         name: As on its tab.
-        is_hidden: Whether the workbook hides it.
         where: The file, for messages.
-        book: The workbook.
-        opened: The library's own sheet.
     """
 
     name: str
@@ -81,11 +59,11 @@ class Sheet:
     book: Any
     opened: Any
 
-    def lines(self, most: int | None = None) -> Lines:
-        """Return its cells.
+    def lines(self, most: int | None = None) -> tuple[str, str]:
+        """Return its cells as lines with tabs between, and the first formula without a value.
 
-        Args:
-            most: So many rows at most, and then without merged cells.
+        Columns that hold nothing anywhere are left out. Of so many rows at most; then without
+        merged cells.
 
         Raises:
             InputError: If the sheet is damaged, or holds more than memory is meant to.
@@ -98,10 +76,6 @@ class Sheet:
 def open_workbook(data: bytes, where: str) -> Iterator[tuple[Sheet, ...]]:
     """Open a workbook for the time of the context.
 
-    Args:
-        data: The bytes of the file.
-        where: The file, for messages.
-
     Returns:
         Its sheets in their order.
 
@@ -110,14 +84,7 @@ def open_workbook(data: bytes, where: str) -> Iterator[tuple[Sheet, ...]]:
     """
     with reading(WHAT, where):
         _check(data, where)
-    try:
-        import openpyxl
-    except ImportError as error:
-        raise InputError(
-            "Reading Excel needs openpyxl, which is not installed.",
-            where=where,
-            remedy='Run: pip install "heatrun[excel]"',
-        ) from error
+    openpyxl = library("openpyxl", "Excel", where)
     with reading(WHAT, where):
         book: Any = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
         sheets = tuple(
@@ -155,7 +122,7 @@ def _check(data: bytes, where: str) -> None:
         raise BrokenFileError(f"{size} bytes unpacked, more than the {LARGEST_BYTES} that are read")
 
 
-def _lines(sheet: Sheet, most: int | None) -> Lines:
+def _lines(sheet: Sheet, most: int | None) -> tuple[str, str]:
     from openpyxl.utils import get_column_letter
     from openpyxl.worksheet._reader import FORMULA_TAG, VALUE_TAG, WorkSheetParser
 
@@ -198,15 +165,17 @@ def _lines(sheet: Sheet, most: int | None) -> Lines:
                     f"more than the {MOST_ROWS} rows or {MOST_CELLS} cells that are read"
                 )
         merged = parser.merged_cells
-    if formulas and not uncalculated and _is_left_to_open(book):
+    if formulas and not uncalculated and getattr(book.calculation, "fullCalcOnLoad", False):
         # a program that leaves the calculation to Excel writes 0 into each
         uncalculated = formulas[0][0] if all(value == 0 for _, value in formulas) else ""
     _fill_names(held, merged)
-    return Lines(_dense(held), uncalculated)
+    rows = _dense(held)
 
+    def quoted(cell: str) -> str:
+        return '"' + cell.replace('"', '""') + '"' if '"' in cell else cell
 
-def _is_left_to_open(book: Any) -> bool:
-    return bool(getattr(book.calculation, "fullCalcOnLoad", False))
+    text = "\n".join("\t".join(quoted(cell) for cell in row) if any(row) else "" for row in rows)
+    return text, uncalculated
 
 
 def _fill_names(held: dict[int, dict[int, str]], merged: Any) -> None:
@@ -235,12 +204,9 @@ def _dense(held: dict[int, dict[int, str]]) -> tuple[tuple[str, ...], ...]:
 
 
 def as_text(value: Any, epoch: datetime) -> str:
-    """Return what a cell holds, as the text reader takes it.
+    """Return what a cell holds, as the text reader takes it; `epoch` is day 0 of the workbook."""
+    from openpyxl.utils.datetime import to_excel
 
-    Args:
-        value: What the library made of the cell.
-        epoch: Day 0 of the workbook.
-    """
     if value is None:
         return ""
     if isinstance(value, bool):
@@ -251,12 +217,13 @@ def as_text(value: Any, epoch: datetime) -> str:
         return _without_sign(value)
     if isinstance(value, datetime):
         if value.year <= max(FIRST_YEAR, epoch.year):
-            return _clock(_seconds_of(value, epoch))
+            return _clock(float(to_excel(value, epoch)) * DAY_S)
         return value.isoformat(sep=" ")
     if isinstance(value, date):
         return f"{value.isoformat()} 00:00:00"
     if isinstance(value, time):
-        return _clock(_since_midnight(value))
+        since = timedelta(0, value.second, value.microsecond, 0, value.minute, value.hour)
+        return _clock(since.total_seconds())
     if isinstance(value, timedelta):
         return _clock(value.total_seconds())
     return " ".join(str(value).split())
@@ -271,26 +238,12 @@ def _without_sign(value: float) -> str:
     return f"{whole}{fraction}e{power}" if power else f"{whole}{fraction}"
 
 
-def _since_midnight(value: time) -> float:
-    return value.hour * 3600.0 + value.minute * 60.0 + value.second + value.microsecond * 1e-6
-
-
-def _seconds_of(value: datetime, epoch: datetime) -> float:
-    from openpyxl.utils.datetime import to_excel
-
-    return float(to_excel(value, epoch)) * DAY_S
-
-
 def _clock(seconds: float) -> str:
     """Return a time as hours, minutes and seconds to the microsecond; hours may be beyond 24."""
     rest, micros = divmod(round(abs(seconds) * 1e6), 1_000_000)
     minutes, whole = divmod(rest, 60)
     sign = "-" if seconds < 0 else ""
     return f"{sign}{minutes // 60}:{minutes % 60:02d}:{whole:02d}.{micros:06d}"
-
-
-def _quoted(cell: str) -> str:
-    return '"' + cell.replace('"', '""') + '"' if '"' in cell else cell
 
 
 PREVIEW_ROWS = 400
@@ -300,15 +253,10 @@ PLAIN = re.compile(r"(?<![\w.,])-?[0-9]+e-?[0-9]+(?![\w.,])")
 
 
 def read_excel(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
-    """Read a sheet of a workbook.
+    """Read a sheet of a workbook, .xlsx or .xlsm.
 
     The sheet is the one that the test names (`FILE.xlsx#SHEET`) or that `[columns]` names
     (`"SHEET/COLUMN"`), else the one with the most channels that a fit needs.
-
-    Args:
-        data: The bytes of the file, .xlsx or .xlsm.
-        where: The file, for messages.
-        hints: What the motor file and the command say about reading.
 
     Returns:
         As `heatrun.readers.text.reader.read_text`; formulas with the values that the
@@ -320,15 +268,15 @@ def read_excel(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
     """
     with open_workbook(data, where) as sheets:
         sheet, others = _chosen(sheets, where, hints)
-        lines = sheet.lines()
-    if lines.uncalculated:
+        text, uncalculated = sheet.lines()
+    if uncalculated:
         raise InputError(
-            f"Cell {lines.uncalculated} of sheet '{sheet.name}' holds a formula whose value was "
+            f"Cell {uncalculated} of sheet '{sheet.name}' holds a formula whose value was "
             "never calculated.",
             where=where,
             remedy="Open the workbook in Excel or LibreOffice, save it there, and read it again.",
         )
-    table = _table(lines, _at(where, sheet, sheets), hints)
+    table = _table(text, _at(where, sheet, sheets), hints)
     columns = tuple(_asked_with_sheet(column, sheet.name, hints) for column in table.columns)
     findings = (*table.findings, *_other_sheets(sheet, others, where))
     notes = tuple(_readable(note) for note in table.notes)
@@ -336,9 +284,9 @@ def read_excel(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
     return replace(table, columns=columns, findings=findings, notes=notes, reader=reader)
 
 
-def _table(lines: Lines, where: str, hints: Hints) -> Table:
+def _table(text: str, where: str, hints: Hints) -> Table:
     # the mark in front settles the encoding
-    return read_text(f"\ufeff{lines.text}".encode(), where, hints, delimiters=("\t",))
+    return read_text(f"\ufeff{text}".encode(), where, hints, delimiters=("\t",))
 
 
 def _readable(note: str) -> str:
@@ -401,7 +349,7 @@ def _num_needed(sheet: Sheet, where: str, hints: Hints) -> int:
     Raises:
         InputError: If they are no table.
     """
-    table = _table(sheet.lines(PREVIEW_ROWS), where, hints)
+    table = _table(sheet.lines(PREVIEW_ROWS)[0], where, hints)
     columns = {claim.channel: claim.text for claim in hints.claims}
     try:
         found = map_columns(table, columns, where=where, is_part=True).channels

@@ -247,10 +247,15 @@ def windows_in(
 
 def masked(record: Record) -> np.ndarray:
     """Return which samples of a record lie in one of its masks, shape (time,)."""
-    hidden = np.zeros(record.time_s.size, dtype=bool)
-    for low, high in record.masks:
-        hidden |= (record.time_s >= low) & (record.time_s <= high)
-    return hidden
+    return within(record.time_s, record.masks)
+
+
+def within(time_s: np.ndarray, windows: Sequence[tuple[float, float]]) -> np.ndarray:
+    """Return which times [s] lie in one of some windows, first and last time [s], shape (time,)."""
+    inside = np.zeros(time_s.size, dtype=bool)
+    for low, high in windows:
+        inside |= (time_s >= low) & (time_s <= high)
+    return inside
 
 
 def with_seen_start(record: Record, windows: Sequence[tuple[float, float]]) -> Record:

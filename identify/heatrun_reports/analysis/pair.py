@@ -102,7 +102,7 @@ def pair_records(
         offset = find_offset(test, reference, channels)
     else:
         _require_overlap(test, reference, offset_s)
-        found = {c: each.r for c, each in likeness(test, reference, channels, offset_s).items()}
+        found = likeness(test, reference, channels, offset_s)
         offset = Offset(offset_s, 0.0, found, "given")
     _require_overlap(test, reference, offset.offset_s)
     axis, method, is_averaged = _axis(test, reference, offset.offset_s)

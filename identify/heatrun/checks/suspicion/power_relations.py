@@ -6,13 +6,13 @@ One relation of physics that a record breaks.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...io.quantities import rounded
-from ...record.derive import dq_power, shaft_power
+from ...record.derive import ELECTRICAL, SHAFT, shaft_power
 from ...record.motor import Motor
 from ...record.record import Record
 from ...record.samples import block_means, samples
@@ -79,107 +79,81 @@ KINEMATIC = 0.5
 wheel or a worn tyre makes less."""
 
 
-def _electrical(record: Record, motor: Motor) -> str | None:
-    """Name of the electrical power that the record has, nearest to the machine first."""
-    for name, needs in (
-        ("electrical_power_W", ("electrical_power_W",)),
-        ("dq", ("u_d_V", "u_q_V", "i_d_A", "i_q_A")),
-        ("dc_power_W", ("dc_power_W",)),
-        ("dc", ("dc_voltage_V", "dc_current_A")),
-    ):
-        if all(need in record for need in needs):
-            return name
-    return None
-
-
-def _power(record: Record, name: str, phases: int) -> np.ndarray:
-    if name == "dq":
-        return dq_power(record.channels, phases)
-    if name == "dc":
-        return record["dc_voltage_V"] * record["dc_current_A"]
-    return np.asarray(record[name], dtype=float)
-
-
 def power_conflicts(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]:
-    """Return what is broken between electrical power, the shaft's, and the losses.
-
-    Args:
-        record: Any record.
-        motor: The machine.
-        is_strict: As `heatrun.checks.relations.conflicts`.
-    """
-    name = _electrical(record, motor)
-    has_shaft = "torque_Nm" in record and "speed_rpm" in record
-    if not (has_shaft or "mechanical_power_W" in record):
+    """Return what is broken between electrical power, the shaft's, and the losses."""
+    rods = ("mechanical_power_W",) if "mechanical_power_W" in record else SHAFT
+    if not all(rod in record for rod in rods):
         return []
-    shaft = (
-        np.asarray(record["mechanical_power_W"], dtype=float)
-        if "mechanical_power_W" in record
-        else shaft_power(record.channels)
-    )
-    rods = ("mechanical_power_W",) if "mechanical_power_W" in record else ("torque_Nm", "speed_rpm")
-    lossless = _lossless(record, motor, shaft, rods, is_strict)
-    if name is None:
+    shaft = record[rods[0]] if len(rods) == 1 else shaft_power(record.channels)
+    powers = {"time_s": record.time_s, "shaft": np.asarray(shaft, dtype=float)}
+    # losses that were derived from the powers agree with them
+    is_read = not record.mapping or any(one.channel == "losses_W" for one in record.mapping)
+    if motor.losses == "balance" and "losses_W" in record and is_read:
+        powers["losses"] = record["losses_W"]
+    lossless = _lossless(powers, rods, is_strict)
+    way = next((one for one in ELECTRICAL if one.is_open(record.channels)), None)
+    if way is None:
         return lossless
-    both = {
-        "time_s": record.time_s,
-        "electrical": _power(record, name, motor.phases),
-        "shaft": shaft,
-    }
-    time_s, electrical, shaft = samples(Record("", both), "electrical", "shaft")
-    if time_s.size < 3:
-        return lossless
-    width_s = _width_s(time_s)
-    _, electrical, shaft = block_means(time_s, width_s, electrical, shaft)
-    found = []
-    inputs = {"dq": ("i_q_A", "u_q_V"), "dc": ("dc_current_A", "dc_voltage_V")}.get(name, (name,))
-    channels = (*inputs, *rods)
-    # As a generator the roles are exchanged.
-    given = np.where(electrical + shaft > 0.0, electrical, -shaft)
-    taken = np.where(electrical + shaft > 0.0, shaft, -electrical)
-    loaded = given > 0.3 * float(np.max(given, initial=0.0))
-    if loaded.any():
-        typical = float(np.median((taken / np.maximum(given, 1e-300))[loaded]))
-        best = float(np.quantile((taken / np.maximum(given, 1e-300))[loaded], 0.9))
-        values = {"efficiency": best}
-        if typical > 1.0 + COPPER_TOLERANCE:
-            sentence = f"Expected an efficiency below 1; it is {rounded(typical)}."
-            found.append(Conflict("power_from_nothing", sentence, channels, False, values))
-        elif 1e-6 < best < (USUAL_EFFICIENCY if is_strict else LOW_EFFICIENCY) and _is_idle(
-            record, motor
-        ):
-            sentence = f"The highest efficiency is only {rounded(best, 2)}."
-            found.append(Conflict("little_efficiency", sentence, channels, True, values))
-    found += _difference(record, motor, width_s, name, both, channels)
-    if name.startswith("dc"):
-        found += _behind_dc(record, motor, width_s, both, channels, is_strict)
+    powers["electrical"] = np.asarray(way.compute(record.channels, motor.phases), dtype=float)
+    is_dc, channels = way.channel == "dc_power_W", (*way.needs, *rods)
+    found = _efficiency(record, motor, powers, channels, is_strict)
+    found += _difference(powers, channels, is_dc)
+    found += _behind_dc(powers, channels, is_strict) if is_dc else []
     # What says that power comes from nothing says this too.
     return found if any(c.id == "power_from_nothing" for c in found) else [*found, *lossless]
 
 
-def _width_s(time_s: np.ndarray) -> float:
-    return max(10.0, float(np.ptp(time_s)) / 200.0)
+def _blocks(powers: Mapping[str, np.ndarray], *names: str) -> tuple[np.ndarray, ...]:
+    """Block means of powers where all of them are known; empty of fewer than three samples."""
+    time_s, *columns = samples(Record("", powers), *names)
+    if time_s.size < 3:
+        return (np.empty(0),) * len(names)
+    return block_means(time_s, max(10.0, float(np.ptp(time_s)) / 200.0), *columns)[1:]
 
 
-def _has_losses(record: Record, motor: Motor) -> bool:
-    """Whether the losses of the machine were recorded, and not derived from the powers."""
-    is_read = not record.mapping or any(one.channel == "losses_W" for one in record.mapping)
-    return motor.losses == "balance" and "losses_W" in record and is_read
+def _is_high(power: np.ndarray) -> np.ndarray:
+    """Where a power is no small part of its largest, so that its ratios mean something."""
+    return power > 0.3 * float(np.max(power, initial=0.0))
+
+
+def _efficiency(
+    record: Record,
+    motor: Motor,
+    powers: Mapping[str, np.ndarray],
+    channels: tuple[str, ...],
+    is_strict: bool,
+) -> list[Conflict]:
+    """Power of the shaft against electrical power."""
+    electrical, shaft = _blocks(powers, "electrical", "shaft")
+    # As a generator the roles are exchanged.
+    given = np.where(electrical + shaft > 0.0, electrical, -shaft)
+    taken = np.where(electrical + shaft > 0.0, shaft, -electrical)
+    loaded = _is_high(given)
+    if not loaded.any():
+        return []
+    ratio = taken[loaded] / given[loaded]
+    typical, best = float(np.median(ratio)), float(np.quantile(ratio, 0.9))
+    values = {"efficiency": best}
+    if typical > 1.0 + COPPER_TOLERANCE:
+        sentence = f"Expected an efficiency below 1; it is {rounded(typical)}."
+        return [Conflict("power_from_nothing", sentence, channels, False, values)]
+    if not 1e-6 < best < (USUAL_EFFICIENCY if is_strict else LOW_EFFICIENCY):
+        return []
+    _, copper = copper_shares(record, motor)
+    if copper.size >= 3 and float(np.median(copper)) >= 0.3:
+        return []  # it is the copper that takes the power
+    sentence = f"The highest efficiency is only {rounded(best, 2)}."
+    return [Conflict("little_efficiency", sentence, channels, True, values)]
 
 
 def _lossless(
-    record: Record, motor: Motor, shaft: np.ndarray, rods: tuple[str, ...], is_strict: bool
+    powers: Mapping[str, np.ndarray], rods: tuple[str, ...], is_strict: bool
 ) -> list[Conflict]:
     """Losses that were recorded against the power of the shaft."""
-    if not _has_losses(record, motor):
-        return []
-    both = {"time_s": record.time_s, "shaft": np.abs(shaft), "losses_W": record["losses_W"]}
-    time_s, shaft, losses = samples(Record("", both), "shaft", "losses_W")
-    if time_s.size < 3:
-        return []
-    _, shaft, losses = block_means(time_s, _width_s(time_s), shaft, losses)
-    loaded = (shaft > 0.3 * float(np.max(shaft, initial=0.0))) & (losses > 0.0)
-    if np.sum(loaded) < max(3, 0.5 * np.sum(shaft > 0.3 * np.max(shaft))):
+    shaft, losses = _blocks({**powers, "shaft": np.abs(powers["shaft"])}, "shaft", "losses")
+    driven = _is_high(shaft)
+    loaded = driven & (losses > 0.0)
+    if np.sum(loaded) < max(3, 0.5 * np.sum(driven)):
         return []
     share = float(np.median(losses[loaded] / shaft[loaded]))
     least = USUAL_LOSSES if is_strict else LEAST_LOSSES
@@ -194,23 +168,14 @@ def _lossless(
 
 
 def _behind_dc(
-    record: Record,
-    motor: Motor,
-    width_s: float,
-    powers: Mapping[str, np.ndarray],
-    channels: tuple[str, ...],
-    is_strict: bool,
+    powers: Mapping[str, np.ndarray], channels: tuple[str, ...], is_strict: bool
 ) -> list[Conflict]:
     """DC power against what the shaft and the recorded losses take of it."""
-    if not _has_losses(record, motor):
-        return []
-    whole = Record("", {**powers, "losses_W": record["losses_W"]})
-    columns = block_means(*_with_width(samples(whole, "electrical", "shaft", "losses_W"), width_s))
-    _, electrical, shaft, losses = columns
-    loaded = electrical > 0.3 * float(np.max(electrical, initial=0.0))
+    electrical, shaft, losses = _blocks(powers, "electrical", "shaft", "losses")
+    loaded = _is_high(electrical)
     if np.sum(loaded) < 3 or np.mean(shaft[loaded] > 0.0) < TURNS:
         return []
-    share = float(np.median((1.0 - (shaft + losses) / np.maximum(electrical, 1e-300))[loaded]))
+    share = float(np.median((1.0 - (shaft + losses) / electrical)[loaded]))
     if share <= (USUAL_BEHIND_DC if is_strict else LOST_BEHIND_DC):
         return []
     sentence = (
@@ -220,38 +185,19 @@ def _behind_dc(
     return [Conflict("lost_behind_dc", sentence, ("losses_W", *channels), True, values)]
 
 
-def _is_idle(record: Record, motor: Motor) -> bool:
-    """Whether a low efficiency is left unexplained by copper loss, as far as that is known."""
-    _, share = copper_shares(record, motor)
-    return share.size < 3 or float(np.median(share)) < 0.3
-
-
 def _difference(
-    record: Record,
-    motor: Motor,
-    width_s: float,
-    name: str,
-    powers: Mapping[str, np.ndarray],
-    channels: tuple[str, ...],
+    powers: Mapping[str, np.ndarray], channels: tuple[str, ...], is_dc: bool
 ) -> list[Conflict]:
     """Losses that were recorded against the difference of recorded powers."""
-    if motor.losses != "balance" or "losses_W" not in record:
-        return []
-    whole = Record("", {**powers, "losses_W": record["losses_W"]})
-    columns = block_means(*_with_width(samples(whole, "electrical", "shaft", "losses_W"), width_s))
-    if columns[0].size < 3:
-        return []
-    _, electrical, shaft, losses = columns
+    electrical, shaft, losses = _blocks(powers, "electrical", "shaft", "losses")
     difference = electrical - shaft
     larger = np.maximum(np.abs(electrical), np.abs(shaft))
-    is_known = (losses > 0.0) & (difference > LEAST_DIFFERENCE * larger)
-    is_known &= larger > 0.3 * float(np.max(larger, initial=0.0))
+    is_known = (losses > 0.0) & (difference > LEAST_DIFFERENCE * larger) & _is_high(larger)
     if np.sum(is_known) < 3:
         return []
     ratio = float(np.median(losses[is_known] / difference[is_known]))
     # Behind an inverter the difference also holds the inverter's losses: it may be the larger one.
-    least = 0.0 if name.startswith("dc") else 1.0 / LOSSES_AGREE
-    if least <= ratio <= LOSSES_AGREE:
+    if (0.0 if is_dc else 1.0 / LOSSES_AGREE) <= ratio <= LOSSES_AGREE:
         return []
     sentence = (
         f"Expected losses_W = electrical power - shaft power; it is {rounded(ratio)} times that."
@@ -260,25 +206,15 @@ def _difference(
     return [Conflict("losses_disagree", sentence, ("losses_W", *channels), False, values)]
 
 
-def _with_width(columns: tuple[np.ndarray, ...], width_s: float) -> tuple:
-    return (columns[0], width_s, *columns[1:])
-
-
-def speed_conflicts(record: Record, motor: Motor) -> list[Conflict]:
-    """Return what is broken between the speed, the rated speed and the vehicle's.
-
-    Args:
-        record: Any record.
-        motor: The machine.
-    """
-    found = []
+def speed_conflicts(record: Record, motor: Motor) -> Iterator[Conflict]:
+    """Return what is broken between the speed, the rated speed and the vehicle's."""
     speed = samples(record, "speed_rpm")[1]
     if speed.size and motor.rated_speed_rpm:
         ratio = float(np.quantile(np.abs(speed), 0.99)) / motor.rated_speed_rpm
         if ratio > FAST_OVER_RATED:
             sentence = f"The speed reaches {rounded(ratio)} times rated_speed_rpm."
             values = {"speed_over_rated": ratio}
-            found.append(Conflict("too_quick", sentence, ("speed_rpm",), True, values))
+            yield Conflict("too_quick", sentence, ("speed_rpm",), True, values)
     if motor.gear_ratio and motor.wheel_radius_m:
         _, speed, vehicle = samples(record, "speed_rpm", "vehicle_speed_km_per_h")
         wheel = vehicle / 3.6 / motor.wheel_radius_m * 30.0 / math.pi * motor.gear_ratio
@@ -291,5 +227,4 @@ def speed_conflicts(record: Record, motor: Motor) -> list[Conflict]:
                 )
                 values = {"speed_over_wheel": ratio}
                 channels = ("speed_rpm", "vehicle_speed_km_per_h")
-                found.append(Conflict("wheel_disagrees", sentence, channels, False, values))
-    return found
+                yield Conflict("wheel_disagrees", sentence, channels, False, values)

@@ -20,6 +20,7 @@ see whether a clock or a power is wrong by a factor of 60 or 1000, and for nothi
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,10 +73,6 @@ class OneNode:
 def one_node(record: Record, motor: Motor) -> OneNode | None:
     """Fit one mass to a record.
 
-    Args:
-        record: Any record.
-        motor: Says which channel is the sink and what the losses are.
-
     Returns:
         The fit, or None where the record is too short, does not move, or is no such course.
     """
@@ -99,10 +96,6 @@ def one_node(record: Record, motor: Motor) -> OneNode | None:
 
 def unsettled(record: Record, motor: Motor) -> OneNode | None:
     """Fit one mass to a record that is too short to show its time constant.
-
-    Args:
-        record: Any record.
-        motor: As `one_node`.
 
     Returns:
         The capacity with the shortest time constant that is possible and the largest conductance,
@@ -218,11 +211,7 @@ LONGER = "Or the machine is large and so short a test shows its winding alone: a
 def conflicts(record: Record, motor: Motor, *, is_strict: bool = False) -> tuple[Conflict, ...]:
     """Return the relations that a record breaks.
 
-    Args:
-        record: Any record.
-        motor: The machine.
-        is_strict: Ask for what is usual, not only for what is possible: for a reading that is to
-            repair another.
+    Strictly asked, it must be usual, not only possible: for a reading that is to repair another.
     """
     return (
         *_length(record, is_strict),
@@ -233,22 +222,22 @@ def conflicts(record: Record, motor: Motor, *, is_strict: bool = False) -> tuple
     )
 
 
-def _length(record: Record, is_strict: bool) -> list[Conflict]:
+def _length(record: Record, is_strict: bool) -> Iterator[Conflict]:
     """The length of the test against a year, or what is usual."""
     time_s = samples(record)[0]
     length_s = float(time_s[-1] - time_s[0]) if time_s.size else 0.0
     if length_s <= (USUAL_TEST_S if is_strict else LONGEST_TEST_S):
-        return []
+        return
     sentence = f"Expected a test of days at most; it lasts {rounded(length_s / 31557600.0)} years."
-    return [Conflict("too_long", sentence, ("time_s",), False, {"duration_s": length_s})]
+    yield Conflict("too_long", sentence, ("time_s",), False, {"duration_s": length_s})
 
 
-def _time_scale(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]:
+def _time_scale(record: Record, motor: Motor, is_strict: bool) -> Iterator[Conflict]:
     """Time constant and capacity against the size of the machine."""
     seen = one_node(record, motor)
     if seen is None:
-        return _slow_start(record, motor)
-    found = []
+        yield from _slow_start(record, motor)
+        return
     tau, C, G = seen.tau_s, seen.capacity_J_per_K, seen.conductance_W_per_K
     shortest, longest = _shortest(G, motor.sink), LONGEST_S
     if math.isfinite(G):
@@ -270,7 +259,7 @@ def _time_scale(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]
         is_of_air = tau > _shortest(G, "coolant")
         is_mild = is_of_air or is_brief(seen.duration_s, G, motor.sink)
         otherwise = OTHER_COOLING if is_of_air else LONGER
-        found.append(Conflict("too_fast", sentence, channels, False, values, is_mild, otherwise))
+        yield Conflict("too_fast", sentence, channels, False, values, is_mild, otherwise)
     if math.isfinite(G) and LARGEST_W_PER_K[motor.sink] < G:
         cooled = "air" if motor.sink == "ambient" else "a liquid"
         sentence = (
@@ -278,12 +267,10 @@ def _time_scale(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]
             f'machine (sink = "{motor.sink}"); the record shows {rounded(G)} W/K.'
         )
         otherwise = OTHER_COOLING if cooled == "air" and LARGEST_W_PER_K["coolant"] >= G else ""
-        found.append(
-            Conflict("too_large", sentence, channels[1:], False, values, otherwise=otherwise)
-        )
+        yield Conflict("too_large", sentence, channels[1:], False, values, otherwise=otherwise)
     if tau > longest:
         sentence = f"Expected a time constant below {rounded(longest, 2)} s{size}; {came}."
-        found.append(Conflict("too_slow", sentence, channels, False, values))
+        yield Conflict("too_slow", sentence, channels, False, values)
     torque = samples(record, "torque_Nm")[1]
     peak = float(np.quantile(np.abs(torque), 0.99)) if torque.size else 0.0
     is_light = math.isfinite(C) and LEAST_PER_TORQUE * peak > C
@@ -293,19 +280,18 @@ def _time_scale(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]
             f"the record shows {rounded(C)} J/K at {rounded(peak)} Nm."
         )
         values = values | {"torque_Nm": peak}
-        found.append(Conflict("too_light", sentence, (*channels, "torque_Nm"), False, values))
-    return found
+        yield Conflict("too_light", sentence, (*channels, "torque_Nm"), False, values)
 
 
-def _slow_start(record: Record, motor: Motor) -> list[Conflict]:
+def _slow_start(record: Record, motor: Motor) -> Iterator[Conflict]:
     """A winding that is still warming after a time in which any machine has settled."""
     seen = unsettled(record, motor)
     if seen is None:
-        return []
+        return
     G = seen.conductance_W_per_K
     longest = min(LONGEST_S, LONGEST_BY_SIZE_S * math.sqrt(G))
     if seen.tau_s <= longest:
-        return []
+        return
     sentence = (
         f"Expected a time constant below {rounded(longest, 2)} s at {rounded(G)} W/K at most; "
         f"after {rounded(seen.duration_s)} s the winding has hardly begun to settle."
@@ -315,7 +301,7 @@ def _slow_start(record: Record, motor: Motor) -> list[Conflict]:
         "capacity_J_per_K": seen.capacity_J_per_K,
         "conductance_W_per_K": G,
     }
-    return [Conflict("too_slow", sentence, ("time_s", "winding_degC", "losses_W"), False, values)]
+    yield Conflict("too_slow", sentence, ("time_s", "winding_degC", "losses_W"), False, values)
 
 
 def is_brief(duration_s: float, conductance_W_per_K: float, sink: str) -> bool:
@@ -337,19 +323,18 @@ def _stays_short(record: Record, motor: Motor, shortest_s: float) -> bool:
     return fit is None or fit.tau_s < shortest_s
 
 
-def _copper(record: Record, motor: Motor, is_strict: bool) -> list[Conflict]:
+def _copper(record: Record, motor: Motor, is_strict: bool) -> Iterator[Conflict]:
     """Copper loss of the current against the measured total."""
     _, share = copper_shares(record, motor)
     if share.size < 3:
-        return []
+        return
     typical = float(np.median(share))
     channels = ("phase_current_A", "losses_W")
     values = {"copper_share": typical}
     is_below = float(np.mean(share > 1.0 + FIRM_TOLERANCE)) > 0.5
     if is_below and not shaft_explains(record, motor):
         sentence = f"Expected losses above the copper loss; they are {share_in_words(typical)}."
-        return [Conflict("losses_below_copper", sentence, channels, False, values)]
-    if typical < (USUAL_COPPER if is_strict else LEAST_COPPER):
+        yield Conflict("losses_below_copper", sentence, channels, False, values)
+    elif typical < (USUAL_COPPER if is_strict else LEAST_COPPER):
         sentence = f"The copper loss is only {rounded(typical, 2)} of the losses under load."
-        return [Conflict("little_copper", sentence, channels, True, values)]
-    return []
+        yield Conflict("little_copper", sentence, channels, True, values)

@@ -12,7 +12,7 @@ A record as it would be if one column were in another unit than it was read in.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -82,20 +82,15 @@ class OtherReading:
 def other_readings(record: Record, motor: Motor) -> Iterator[OtherReading]:
     """Yield the record with each column, and each group of like columns, in each other unit.
 
-    Args:
-        record: Any record; where it does not tell how it was read, every channel counts as read.
-        motor: The machine.
+    Where a record does not tell how it was read, every channel counts as read.
     """
     read = {one.channel: one for one in record.mapping}
-    names = [name for name in record.channels if name in CHANNEL and _is_read(name, read)]
-    for group in _groups(names):
+    for group in _groups(_columns(record, read)):
         quantity = CHANNEL[group[0]].quantity
         present = {_unit_of(name, read) for name in group}
-        if len(present) > 1:
-            continue
+        if len(present) > 1 or quantity == "temperature":
+            continue  # temperatures are told by value, see `heatrun.checks.units`
         (as_read,) = present
-        if quantity == "temperature":
-            continue  # told by value, see `heatrun.checks.units`
         alike = {(as_read.factor, as_read.offset)}  # Nmm says no more than mNm
         for unit in QUANTITIES[quantity]:
             factor = unit.factor / as_read.factor
@@ -104,98 +99,82 @@ def other_readings(record: Record, motor: Motor) -> Iterator[OtherReading]:
             if is_same or (is_near and unit.offset == as_read.offset):
                 continue
             alike.add((unit.factor, unit.offset))
-            other = _reread(record, motor, group, as_read, unit, read)
-            if any(_num_measured(other, name) < _num_measured(record, name) for name in group):
+            other = _otherwise(record, motor, dict.fromkeys(group, unit), factor)
+            if any(_num_measured(other.record, n) < _num_measured(record, n) for n in group):
                 continue  # beyond all measure, where no relation has a say
-            yield OtherReading(
-                tuple(group),
-                (unit.symbol,) * len(group),
-                factor,
-                other,
-                motor,
-                tuple(read[name] for name in group if name in read),
-                f"{' and '.join(group)} {'are' if len(group) > 1 else 'is'} in {unit.symbol}",
-            )
+            said = f"{' and '.join(group)} {'are' if len(group) > 1 else 'is'} in {unit.symbol}"
+            yield replace(other, sentence=said)
     if motor.phase_resistance_ohm is not None:
         for factor, sentence in RESISTANCES:
-            other = replace(motor, phase_resistance_ohm=factor * motor.phase_resistance_ohm)
-            yield OtherReading((), (), factor, record, other, (), sentence)
+            right = replace(motor, phase_resistance_ohm=factor * motor.phase_resistance_ohm)
+            yield OtherReading((), (), factor, record, right, (), sentence)
 
 
 def scaled_readings(record: Record, motor: Motor) -> Iterator[OtherReading]:
-    """Yield the record with powers and phase current both in thousands, or in thousandths.
-
-    Args:
-        record: Any record.
-        motor: The machine.
-    """
+    """Yield the record with powers and phase current both in thousands, or in thousandths."""
     read = {one.channel: one for one in record.mapping}
-    names = [name for name in record.channels if name in CHANNEL and _is_read(name, read)]
-    powers = [name for name in names if CHANNEL[name].quantity == "power"]
-    currents = [name for name in names if CHANNEL[name].quantity == "phase current"]
-    if not powers or not currents:
+    like = _like(_columns(record, read))
+    names = (*like.get("power", ()), *like.get("phase current", ()))
+    if not {"power", "phase current"} <= like.keys():
         return
     for prefix, factor in (("k", 1e3), ("m", 1e-3)):
-        other, units = record, []
-        for name in (*powers, *currents):
-            as_read = _unit_of(name, read)
-            unit = find_unit(prefix + as_read.symbol, CHANNEL[name].quantity)
-            if unit is None:
-                break
-            other = _reread(other, motor, [name], as_read, unit, read)
-            units.append(unit.symbol)
-        if len(units) < len(powers) + len(currents):
-            continue
-        channels = (*powers, *currents)
-        yield OtherReading(
-            channels,
-            tuple(units),
-            factor,
-            other,
-            motor,
-            tuple(read[name] for name in channels if name in read),
-            " and ".join(f"{n} is in {u}" for n, u in zip(channels, units, strict=True)),
-        )
+        found = {
+            name: find_unit(prefix + _unit_of(name, read).symbol, CHANNEL[name].quantity)
+            for name in names
+        }
+        units = {name: unit for name, unit in found.items() if unit is not None}
+        if len(units) == len(names):
+            yield _otherwise(record, motor, units, factor)
 
 
-def _is_read(name: str, read: dict[str, ColumnReading]) -> bool:
-    """Whether a channel came from a file; a time from a sampling rate counts as read too."""
-    return not read or name in read or name == "time_s"
+def _columns(record: Record, read: Mapping[str, ColumnReading]) -> list[str]:
+    """Channels that came from a file; a time from a sampling rate counts as read too."""
+    known = [name for name in record.channels if name in CHANNEL]
+    return [name for name in known if not read or name in read or name == "time_s"]
 
 
-def _groups(names: Sequence[str]) -> list[list[str]]:
-    """Each channel alone, then all channels of one quantity: a bench writes all powers in kW."""
+def _like(names: Sequence[str]) -> dict[str, list[str]]:
+    """Channels by quantity: a bench writes all powers in kW."""
     like: dict[str, list[str]] = {}
     for name in names:
         like.setdefault(CHANNEL[name].quantity, []).append(name)
-    return [[name] for name in names] + [group for group in like.values() if len(group) > 1]
+    return like
 
 
-def _unit_of(name: str, read: dict[str, ColumnReading]) -> Unit:
+def _groups(names: Sequence[str]) -> list[list[str]]:
+    """Each channel alone, then all channels of one quantity."""
+    return [[name] for name in names] + [g for g in _like(names).values() if len(g) > 1]
+
+
+def _unit_of(name: str, read: Mapping[str, ColumnReading]) -> Unit:
     quantity = CHANNEL[name].quantity
     found = find_unit(read[name].unit, quantity) if name in read else None
     return found or QUANTITIES[quantity][0]
 
 
-def _reread(
-    record: Record,
-    motor: Motor,
-    names: Sequence[str],
-    as_read: Unit,
-    unit: Unit,
-    read: dict[str, ColumnReading],
-) -> Record:
-    """Return a record with columns in another unit, and what was derived from them anew."""
+def _otherwise(
+    record: Record, motor: Motor, units: Mapping[str, Unit], factor: float
+) -> OtherReading:
+    """The record with columns in other units, and what was derived from them anew."""
+    read = {one.channel: one for one in record.mapping}
     channels = dict(record.channels)
-    for name in names:
+    for name, unit in units.items():
+        as_read = _unit_of(name, read)
         raw = (np.asarray(channels[name], dtype=float) - as_read.offset) / as_read.factor
         channels[name] = to_canonical(raw, unit)
     if read:
-        given = read.keys() | constants_of(record.notes)
-        for name in formulas(channels, given):
+        for name in formulas(channels, read.keys() | constants_of(record.notes)):
             del channels[name]
         channels, _ = derive(channels, phases=motor.phases, losses=motor.losses)
-    return replace(record, channels=channels, findings=())
+    return OtherReading(
+        tuple(units),
+        tuple(unit.symbol for unit in units.values()),
+        factor,
+        replace(record, channels=channels, findings=()),
+        motor,
+        tuple(read[name] for name in units if name in read),
+        " and ".join(f"{name} is in {unit.symbol}" for name, unit in units.items()),
+    )
 
 
 def _num_measured(record: Record, name: str) -> int:
@@ -241,7 +220,7 @@ FAMILIES = (
 SPOKEN = {"time_s": "the time", "speed_rpm": "the speed", "losses_W": "the losses"}
 
 
-def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
+def unit_suspected(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report relations between channels that the record breaks, and the units that would mend it.
 
     An error where a unit explains it that the motor file has not decided, else a warning; a note of
@@ -251,7 +230,7 @@ def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
     record = _thinned(record)
     broken = conflicts(record, motor)
     if not broken or any(f.severity == "error" for f in units_temperature(record, motor)):
-        return ()
+        return
     symptoms = _symptoms(record, motor)
     is_shown = one_node(record, motor) is not None
     is_whole = not OF_THE_SENSOR & {*symptoms} and unexplained_movement(record, motor) is None
@@ -278,9 +257,11 @@ def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
         # what another kind of cooling explains, and no unit, is the cooling
         told = (c for c in broken if not (c.is_odd or c.is_mild or c.id == "losses_below_copper"))
         broken = tuple(told)
-        return (_unexplained(record, broken),) if broken and not symptoms else ()
+        if broken and not symptoms:
+            yield _unexplained(record, broken)
+        return
     # two that one unit explains are no matter of cooling, nor of a machine without load
-    is_alone = len({_family(id) for id in ids}) < 2
+    is_alone = len({next((family for family in FAMILIES if id in family), id) for id in ids}) < 2
     is_giant = ids == {"too_large"} and _is_as_usual(record, motor, mending)
     is_mild = is_giant or (
         is_alone and all(conflict.is_odd or conflict.is_mild for conflict in broken)
@@ -288,42 +269,27 @@ def unit_suspected(record: Record, motor: Motor) -> tuple[Finding, ...]:
     is_odd = is_odd and is_alone
     is_decided = all(one.is_decided for one in mending)
     asked = any(one.is_assumed for one in mending) if is_mild else not is_decided
-    otherwise = "note" if is_giant and is_decided else "warning"
-    severity = "error" if asked and not is_odd else otherwise
+    lesser = "note" if is_giant and is_decided else "warning"
+    severity = "error" if asked and not is_odd else lesser
     if ids == {"losses_below_copper"} and severity == "warning":
-        return ()  # the check of that name tells it, as an error
+        return  # the check of that name tells it, as an error
     left = "note" if is_giant else "warning"
-    sentences = [_supposed(one) for one in mending]
-    return (
-        Finding(
-            "unit_suspected",
-            severity,
-            f"{_told(broken, is_alone)} {_list(sentences)}",
-            place(record, broken[0].channels[0], float(samples(record)[0][0])),
-            " ".join(
-                [
-                    _remedy(mending, record, severity, left=left),
-                    *(c.otherwise for c in broken if c.otherwise and is_mild and not is_odd),
-                ]
-            ),
-            values={
-                **_figures(broken),
-                **_factors(mending),
-            },
-        ),
+    sentences = ", or if ".join(_supposed(one) for one in mending)
+    otherwise = [c.otherwise for c in broken if c.otherwise and is_mild and not is_odd]
+    yield Finding(
+        "unit_suspected",
+        severity,
+        f"{_told(broken, is_alone)} The channels are consistent if {sentences}.",
+        place(record, broken[0].channels[0], float(samples(record)[0][0])),
+        " ".join([_remedy(mending, record, severity, left=left), *otherwise]),
+        values=_figures(broken) | _factors(mending),
     )
 
 
 def read_otherwise(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Motor]:
-    """Return record and motor as the unit that a finding asks about makes them.
+    """Return record and motor as the unit that a finding of `unit_suspected` asks about makes them.
 
-    Args:
-        record: The record.
-        motor: The machine.
-        finding: Of `unit_suspected`.
-
-    Returns:
-        The first of its suppositions; both as they are where it has none.
+    It is the first of its suppositions; both are as they are where it has none.
     """
     likely = next((name for name in finding.values if name.startswith("factor_")), None)
     for one in (*other_readings(record, motor), *scaled_readings(record, motor)):
@@ -340,16 +306,11 @@ def _thinned(record: Record) -> Record:
     return replace(record, channels={k: np.asarray(v)[::step] for k, v in record.channels.items()})
 
 
-def _family(id: str) -> frozenset[str]:
-    """Return the relations that say the same as one of them."""
-    return next((family for family in FAMILIES if id in family), frozenset({id}))
-
-
 def _symptoms(record: Record, motor: Motor) -> list[str]:
     return [check.__name__ for check in SYMPTOMS if _is_shown(check(record, motor))]
 
 
-def _is_shown(found: bool | Sequence[Finding]) -> bool:
+def _is_shown(found: bool | Iterator[Finding]) -> bool:
     return found if isinstance(found, bool) else any(one.severity == "error" for one in found)
 
 
@@ -375,13 +336,11 @@ def _kept(one: OtherReading, record: Record) -> set[str]:
 
 
 def _mends(one: OtherReading, left: set[str], is_shown: bool, may_be_mild: bool) -> bool:
-    """Whether nothing is broken any longer, and nothing unusual either.
+    """Whether nothing is broken any longer, and nothing unusual either but what was so and is
+    `left`.
 
-    Args:
-        one: The record, read otherwise.
-        left: Relations that are unusual as it was read and not in question: they may stay so.
-        is_shown: The record shows a time constant as it was read: then it must still do so.
-        may_be_mild: What another kind of cooling explains may stay broken.
+    Where the record showed a time constant as it was read, it must still do so; what another kind
+    of cooling explains may stay broken if it `may_be_mild`.
     """
     if is_shown and one_node(one.record, one.motor) is None:
         return False
@@ -467,10 +426,6 @@ def _spoken(one: OtherReading) -> str:
         verb = "were" if one.channels[0] == "losses_W" else "was"
         return f"{SPOKEN[one.channels[0]]} {verb} in {one.unit}"
     return one.sentence.replace(" is in", " was in").replace(" are in", " were in")
-
-
-def _list(sentences: Sequence[str]) -> str:
-    return f"The channels are consistent if {', or if '.join(sentences)}."
 
 
 def _remedy(mending: Sequence[OtherReading], record: Record, severity: str, *, left: str) -> str:

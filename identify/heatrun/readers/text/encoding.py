@@ -63,10 +63,6 @@ PIECES = re.compile(r"[\s,;|\"'()\[\]{}<>/:=_.-]+")
 def decode(data: bytes, where: str) -> tuple[str, str]:
     r"""Return the text with `\n` line ends, and the name of the encoding found.
 
-    Args:
-        data: The bytes of the file.
-        where: The file, for messages.
-
     Raises:
         InputError: If the bytes are no text in UTF-8, UTF-16, UTF-32 or one of `ENCODINGS`.
     """
@@ -103,7 +99,7 @@ def _decode(data: bytes, where: str) -> tuple[str, str]:
         if (
             error.start >= len(data) - LONGEST_UTF8_CHARACTER
             and error.start > 0
-            and _is_multibyte(data[: error.start])
+            and not data[: error.start].isascii()  # which makes UTF-8 certain
         ):
             return data[: error.start].decode("utf-8"), "UTF-8, cut inside the last character"
     for name in _likely(data):
@@ -149,11 +145,6 @@ def _num_common(text: str, codec: str, common: bytes) -> int:
         for run in re.findall(r"(?<![a-z])[^\x00-\x7f]+", text)
         for character in run
     )
-
-
-def _is_multibyte(data: bytes) -> bool:
-    """Return whether there is any character beyond ASCII, which makes UTF-8 certain."""
-    return not data.isascii()
 
 
 def _strict(data: bytes, codec: str, name: str, where: str) -> str:

@@ -77,14 +77,8 @@ def names_above(
     """Return the row of names where the nearest one may hold devices or descriptions.
 
     It is the one above if that one alone names the time and has a name for each column, and if no
-    row in between says a word of units that would be lost.
-
-    Args:
-        lines: The first lines of the file.
-        rows: Their cells.
-        header: Index of the nearest row that can be one of names.
-        start: Index of the first row of data.
-        width: Number of columns.
+    row in between, down to the first one of data at `start`, says a word of units that would be
+    lost.
     """
     if _names_time(rows[header]):
         return header
@@ -211,10 +205,10 @@ def find_layout(
     stated_decimal: str | None = None,
     delimiters: Sequence[str] = DELIMITERS,
 ) -> Layout:
-    r"""Return the layout of a text table.
+    r"""Return the layout of a text with `\n` line ends.
 
     Args:
-        text: The whole text, with `\n` line ends.
+        text: The whole text.
         where: The file, for messages.
         stated_decimal: Decimal sign that the motor file states, or None.
         delimiters: Those of `DELIMITERS` that come into question.

@@ -62,24 +62,20 @@ class DataLines:
 
 
 def data_lines(text: str, layout: Layout, where: str) -> DataLines:
-    r"""Return the lines of data; blank ones and lines of delimiters alone are no data.
+    """Return the lines of data; blank ones and lines of delimiters alone are no data.
 
     Between the data they are samples that are missing, like lines with another number of cells,
     and the numbers of the samples count them. Behind the data they are nothing: spreadsheets end
     in lines of delimiters alone.
 
-    Args:
-        text: The whole text, with `\n` line ends.
-        layout: Its layout.
-        where: The file, for messages.
-
     Raises:
         InputError: If there is no line of data, or too many have another number of cells.
     """
     body = text[start_of_line(text, layout.first_line) :].encode() + b"\n"
-    ends, num_cells, is_empty, is_blank = count_by_pieces(body, layout.delimiter)
-    repeated = header_again(body, ends, is_blank, layout)
-    good = is_whole(num_cells, layout) & ~is_empty & ~repeated
+    ends, num_cells, is_empty, is_blank = _count_by_pieces(body, layout.delimiter)
+    repeated = _header_again(body, ends, is_blank, layout)
+    least = layout.width - layout.num_optional
+    good = (num_cells <= layout.width) & (num_cells >= least) & ~is_empty & ~repeated
     footer = _footer(good, _first_cells(body, ends, layout))
     good[footer] = False
     ragged = ~good & ~is_empty & ~repeated
@@ -96,7 +92,7 @@ def data_lines(text: str, layout: Layout, where: str) -> DataLines:
     if good.all():
         return DataLines(body, numbers, numbers[ragged])
     texts = _texts(body, ends, ragged)
-    body = joined(body, ends, good)
+    body = _joined(body, ends, good)
     held = np.flatnonzero(~is_blank)
     is_double_spaced = held.size >= LEAST_SPACED and bool(np.all(np.diff(held) == 2))
     counted = ~repeated & (~is_blank if is_double_spaced else np.ones_like(good))
@@ -112,12 +108,7 @@ def data_lines(text: str, layout: Layout, where: str) -> DataLines:
 
 
 def _footer(good: np.ndarray, word: Callable[[int], str]) -> list[int]:
-    """Return the lines at the end of a table that begin with a word, as "Maximum;81.2;40.0".
-
-    Args:
-        good: Lines with as many cells as the table is wide, shape (line,).
-        word: What a line begins with.
-    """
+    """Return the lines at the end of a table that begin with a word, as "Maximum;81.2;40.0"."""
     rows = np.flatnonzero(good)
     if rows.size == 0 or word(rows[0]):
         return []
@@ -125,28 +116,14 @@ def _footer(good: np.ndarray, word: Callable[[int], str]) -> list[int]:
     return words if len(words) <= MOST_FOOTERS else []
 
 
-def is_whole(num_cells: np.ndarray, layout: Layout) -> np.ndarray:
-    """Return which lines have as many cells as the table is wide, shape (line,).
-
-    Args:
-        num_cells: Cells of each line, shape (line,).
-        layout: The layout of the text.
-    """
-    return (num_cells <= layout.width) & (num_cells >= layout.width - layout.num_optional)
-
-
-def header_again(body: bytes, ends: np.ndarray, is_blank: np.ndarray, layout: Layout) -> np.ndarray:
+def _header_again(
+    body: bytes, ends: np.ndarray, is_blank: np.ndarray, layout: Layout
+) -> np.ndarray:
     """Return which lines among the data are the header again, shape (line,).
 
     They are the line of names, word for word, and the lines around it that are blank or begin as
     a line above the table does: a logger writes them when it starts again. The units are the same
     then.
-
-    Args:
-        body: Lines with their ends.
-        ends: Where each line ends, shape (line,).
-        is_blank: Which lines hold nothing, shape (line,).
-        layout: The layout of the text.
     """
     found = np.zeros(ends.size, dtype=bool)
     first = _first_cells(body, ends, layout)
@@ -178,12 +155,7 @@ def _first_cells(body: bytes, ends: np.ndarray, layout: Layout) -> Callable[[int
 
 
 def restarted(lines: DataLines, where: str) -> list[Finding]:
-    """Return the finding about a header that stands among the data again, if any.
-
-    Args:
-        lines: What `data_lines` returned.
-        where: The file.
-    """
+    """Return the finding about a header that stands among the data again, if any."""
     if not lines.restarts:
         return []
     ends = (*lines.restarts, lines.numbers.size)
@@ -208,13 +180,7 @@ def restarted(lines: DataLines, where: str) -> list[Finding]:
 
 
 def ragged_lines(lines: DataLines, layout: Layout, where: str) -> list[Finding]:
-    """Return the finding about lines that were left out, if any.
-
-    Args:
-        lines: What `data_lines` returned.
-        layout: The layout of the text.
-        where: The file.
-    """
+    """Return the finding about lines that were left out, if any."""
     count = lines.ragged.size
     if count == 0:
         return []
@@ -241,28 +207,18 @@ def _texts(body: bytes, ends: np.ndarray, ragged: np.ndarray) -> tuple[str, ...]
     return tuple(body[starts[line] : ends[line]].decode()[:LONGEST_TEXT] for line in first)
 
 
-def joined(body: bytes, ends: np.ndarray, good: np.ndarray) -> bytes:
-    """Return the good lines, copied by runs of them.
-
-    Args:
-        body: Lines with their ends.
-        ends: Where each line ends, shape (line,).
-        good: Which are wanted, shape (line,).
-    """
+def _joined(body: bytes, ends: np.ndarray, good: np.ndarray) -> bytes:
+    """Return the good lines, copied by runs of them."""
     starts = np.concatenate(([0], ends[:-1] + 1))
     change = np.flatnonzero(np.diff(good.astype(np.int8), prepend=0, append=0))
     runs = change.reshape(-1, 2)  # first line of each run, first line behind it
     return b"".join([body[starts[first] : ends[last - 1] + 1] for first, last in runs])
 
 
-def count_by_pieces(body: bytes, delimiter: str) -> tuple[np.ndarray, ...]:
+def _count_by_pieces(body: bytes, delimiter: str) -> tuple[np.ndarray, ...]:
     """Return the end of each line, its number of cells, if all are empty, if it is blank.
 
     By pieces, since counting takes a dozen bytes for each one of the text.
-
-    Args:
-        body: Lines with their ends, in UTF-8.
-        delimiter: One of `heatrun.readers.text.layout.DELIMITERS`.
     """
     raw = np.frombuffer(body, dtype=np.uint8)
     found = []

@@ -1,15 +1,13 @@
 """Reader of CSV and other text tables, whatever delimiter, decimal sign and encoding they have.
 
 Lines of a table that hold no sample: where time is counted by lines, they count.
-
-Further rows of a text table whose layout is known: those that a bench has written since.
 """
 
 from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -27,11 +25,7 @@ from .encoding import CODECS, decode
 from .layout import DELIMITERS, Layout, find_layout
 from .lines import (
     DataLines,
-    count_by_pieces,
     data_lines,
-    header_again,
-    is_whole,
-    joined,
     ragged_lines,
     restarted,
 )
@@ -46,9 +40,7 @@ def with_missing_rows(
 ) -> dict[str, np.ndarray]:
     """Return channels with NaN where lines without a sample stand in the file.
 
-    Args:
-        channels: Canonical name to values, shape (time,) of the lines with a sample.
-        sample_numbers: Which sample each of these lines is, from 0, shape (time,).
+    `sample_numbers` says which sample each value of the channels is, from 0, shape (time,).
     """
     filled = {}
     for name, values in channels.items():
@@ -62,11 +54,7 @@ def missing_rows(
 ) -> Finding:
     """Return the finding about lines without a sample: how many, and where in time.
 
-    Args:
-        sample_numbers: As `with_missing_rows`; at least one number is left out.
-        rate_Hz: Sampling rate that time is made from [Hz], or None if the file has its own time.
-        time_s: Times of the lines with a sample [s], shape (time,), if the file has its own.
-        where: The file.
+    Of a file without times of its own the time is made from a rate [Hz].
     """
     steps = np.diff(sample_numbers)
     before = np.flatnonzero(steps > 1)
@@ -156,11 +144,18 @@ def read_text(
     findings = [*ragged_lines(body, layout, where), *restarted(body, where)]
     findings += _settings(layout, where)
     _refuse_units_between(body, layout, where)
-    heads = column_heads(layout, hints, where)
+    remarks = units_of_remarks(layout.preamble, layout.names)
     unreadable: list[np.ndarray] = []
     unsettled: dict[int, Question | None] = {}
-    for index, head in enumerate(heads):
-        named, name, label, unit, stated = head.named, head.name, head.label, head.unit, head.stated
+    for index in range(layout.width):
+        named = layout.names[index] if index < len(layout.names) else ""
+        name = named or f"column {index + 1}"
+        beside = (
+            *(Stated(cell, "the row of units") for row in layout.units if (cell := row[index])),
+            *(remarks[index] if index < len(remarks) else ()),
+        )
+        at = f"{where}, column {index + 1}"
+        label, unit, stated = _label_and_unit(name, beside, hints, at)
         cells = frame.iloc[:, index]
         values = read_values(
             cells, layout.decimal, name=name, stated=stated, has_thousands=hints.decimal is not None
@@ -172,7 +167,9 @@ def read_text(
         if values.unreadable is None and not np.isfinite(values.numbers).any():
             raster = stated_raster(layout.preamble) if name.casefold() == X_NAME else None
             if raster is not None:
-                times = raster[0] + raster[1] * _samples(body)
+                rows = body.sample_numbers
+                rows = np.arange(body.numbers.size) if rows is None else rows
+                times = raster[0] + raster[1] * rows
                 columns.append(Column(name, label, "s", times, f"every {raster[1]:g} s, as stated"))
             elif named:
                 texts[name] = ""
@@ -191,7 +188,8 @@ def read_text(
         if layout.is_unsettled and values.question is None and not values.is_time:
             unsettled[len(columns)] = unsettled_cells(cells, layout.decimal)
         # a word that is no unit, such as "time" in the row of units, says nothing against a clock
-        if values.is_time and (stated is not None or unit is None or not _is_foreign(unit)):
+        is_foreign = unit is not None and is_unit(unit) and find_unit(unit, "time") is None
+        if values.is_time and (stated is not None or not is_foreign):
             unit = "s"
         columns.append(
             Column(
@@ -200,7 +198,7 @@ def read_text(
                 unit,
                 values.numbers,
                 values.note,
-                head.beside,
+                beside,
                 question=values.question,
                 start=values.start,
             )
@@ -238,49 +236,6 @@ def read_text(
     )
 
 
-@dataclass(frozen=True)
-class ColumnHead:
-    """What stands over a column.
-
-    Attributes:
-        named: Its name in the file, or empty.
-        name: The same, or its place where there is none.
-        label: The name without its unit.
-        unit: Unit text, or None.
-        stated: The format of times that is stated, or None.
-        beside: Units that the file gives outside of the name.
-    """
-
-    named: str
-    name: str
-    label: str
-    unit: str | None
-    stated: TimeFormat | None
-    beside: tuple[Stated, ...]
-
-
-def column_heads(layout: Layout, hints: Hints, where: str) -> list[ColumnHead]:
-    """Return what stands over each column of a text table.
-
-    Args:
-        layout: Its layout.
-        hints: What the motor file says about reading.
-        where: The file, for messages.
-    """
-    remarks = units_of_remarks(layout.preamble, layout.names)
-    heads = []
-    for index in range(layout.width):
-        named = layout.names[index] if index < len(layout.names) else ""
-        name = named or f"column {index + 1}"
-        beside = (
-            *(Stated(cell, "the row of units") for row in layout.units if (cell := row[index])),
-            *(remarks[index] if index < len(remarks) else ()),
-        )
-        told = _label_and_unit(name, beside, hints, f"{where}, column {index + 1}")
-        heads.append(ColumnHead(named, name, *told, beside))
-    return heads
-
-
 def _label_and_unit(
     name: str, beside: Sequence[Stated], hints: Hints, where: str
 ) -> tuple[str, str | None, TimeFormat | None]:
@@ -293,11 +248,6 @@ def _label_and_unit(
         unit = stated.text
     claimed = parse_time_format(hints.unit_of(name, label) or "")
     return label, unit, claimed or stated
-
-
-def _samples(body: DataLines) -> np.ndarray:
-    """Return which sample each line is, from 0, shape (time,)."""
-    return np.arange(body.numbers.size) if body.sample_numbers is None else body.sample_numbers
 
 
 def _with_milliseconds(columns: list[Column]) -> list[Column]:
@@ -316,11 +266,6 @@ def _with_milliseconds(columns: list[Column]) -> list[Column]:
     note = f"{clock.note}, with the milliseconds of '{part.name}'"
     columns[clocks[0]] = replace(clock, values=whole, note=note)
     return columns
-
-
-def _is_foreign(unit: str) -> bool:
-    """Return whether a text is a unit, and of another quantity than time."""
-    return is_unit(unit) and find_unit(unit, "time") is None
 
 
 def _is_hot(column: Column) -> bool:
@@ -387,13 +332,8 @@ def _taken_as_decimal(question: Question, name: str, where: str) -> Finding:
 def parsed_cells(body: bytes, layout: Layout, where: str) -> pd.DataFrame:
     """Return the cells of lines of data; columns that are not all numbers stay texts.
 
-    Args:
-        body: Lines that all have the layout's number of cells, in UTF-8.
-        layout: How they are to be read.
-        where: The file, for messages.
-
     Raises:
-        InputError: If they cannot be split.
+        InputError: If the lines, which have the layout's number of cells, cannot be split.
     """
     try:
         return pd.read_csv(
@@ -418,101 +358,14 @@ def parsed_cells(body: bytes, layout: Layout, where: str) -> pd.DataFrame:
         ) from error
 
 
-@dataclass(frozen=True)
-class TextForm:
-    """How the rows of a text table are read, as its beginning has shown.
-
-    Attributes:
-        layout: Delimiter, decimal sign, number of cells.
-        heads: What stands over each column.
-        codec: Python's name of the encoding.
-        has_thousands: As `heatrun.readers.text.values.read_values`.
-    """
-
-    layout: Layout
-    heads: tuple[ColumnHead, ...]
-    codec: str
-    has_thousands: bool
-
-
-@dataclass(frozen=True)
-class Rows:
-    """Rows of a text table.
-
-    Attributes:
-        values: By the name of the column, in the unit of the file, shape (time,); a column without
-            a number in these rows is not there.
-        num_rows: How many they are.
-        num_lost: Lines with another number of cells, which hold no sample.
-        odd: Columns with a cell that is neither a number nor the mark of none.
-        last: The last of the lines, with its line end.
-    """
-
-    values: Mapping[str, np.ndarray]
-    num_rows: int
-    num_lost: int
-    odd: frozenset[str]
-    last: bytes
-
-
-def form_of(data: bytes, where: str, hints: Hints) -> TextForm | None:
-    """Return how a text table is laid out, or None if its encoding does not let it be cut.
-
-    Args:
-        data: The file from its start.
-        where: The file, for messages.
-        hints: What the motor file says about reading.
+def head_of(data: bytes, where: str, hints: Hints) -> bytes | None:
+    """Return what stands above the data of a text table; None if its encoding cannot be cut there.
 
     Raises:
         InputError: If there is no table with a header and a line of numbers.
     """
     text, encoding = decode(data, where)
-    codec = CODECS.get(encoding.partition(" ")[0])
-    if codec is None:
+    if encoding.partition(" ")[0] not in CODECS:
         return None
-    layout = find_layout(text, where, hints.decimal)
-    heads = tuple(column_heads(layout, hints, where))
-    return TextForm(replace(layout, first_line=0), heads, codec, hints.decimal is not None)
-
-
-def further_rows(data: bytes, form: TextForm, where: str) -> Rows:
-    """Return the rows of some lines.
-
-    Args:
-        data: Whole lines of data, each with its line end.
-        form: What `form_of` returned for the beginning of the file.
-        where: The file, for messages.
-
-    Raises:
-        InputError: If the lines cannot be split into cells.
-    """
-    text = data.decode(form.codec, "replace").replace("\r\n", "\n").replace("\r", "\n")
-    body = text.encode()
-    ends, num_cells, is_empty, is_blank = count_by_pieces(body, form.layout.delimiter)
-    is_data = ~is_empty & ~header_again(body, ends, is_blank, form.layout)
-    good = is_whole(num_cells, form.layout) & is_data
-    num_lost = int(np.count_nonzero(~good & is_data))
-    if not good.any():
-        return Rows({}, 0, num_lost, frozenset(), b"")
-    lines = joined(body, ends, good)
-    cells = parsed_cells(lines, form.layout, where)
-    values, odd = _values(cells, form)
-    last = lines[lines.rfind(b"\n", 0, -1) + 1 :]
-    return Rows(values, int(good.sum()), num_lost, odd, last)
-
-
-def _values(cells: pd.DataFrame, form: TextForm) -> tuple[dict[str, np.ndarray], frozenset[str]]:
-    found: dict[str, np.ndarray] = {}
-    odd = set()
-    for index, head in enumerate(form.heads):
-        read = read_values(
-            cells.iloc[:, index], form.layout.decimal, name=head.name, stated=head.stated,
-            has_thousands=form.has_thousands,
-        )  # fmt: skip
-        if isinstance(read, str):
-            odd |= {head.name} if read else set()
-            continue
-        if read.unreadable is not None and read.unreadable.any():
-            odd.add(head.name)
-        found.setdefault(head.name, read.numbers)
-    return found, frozenset(odd)
+    first = find_layout(text, where, hints.decimal).first_line
+    return b"".join(line + b"\n" for line in data.split(b"\n", first)[:first])

@@ -56,13 +56,10 @@ def uncommented(row: Sequence[str]) -> list[str]:
 
 
 def units_of_row(row: Sequence[str], names: Sequence[str] | None = None) -> list[str | None] | None:
-    """Return the units of a row by column, None if it is no row of units.
+    """Return the units of a row without numbers by column, None if it is no row of units.
 
-    Args:
-        row: Cells of a line without numbers.
-        names: Cells of the row above, if these can be names. Then most of the cells need to be
-            units, and a cell that is not understood counts as a unit that is not known; without
-            names all of them.
+    Below a row of names most of the cells need to be units, and a cell that is not understood
+    counts as a unit that is not known; without names all of them.
     """
     cells = [plain(cell) for cell in uncommented(row)]
     if names is not None and len(cells) < len(row) == len(names):
@@ -152,15 +149,7 @@ GENERAL = frozenset(
 
 
 def units_of_remarks(lines: Sequence[str], names: Sequence[str]) -> tuple[tuple[Stated, ...], ...]:
-    """Return what comment lines say about the units of columns.
-
-    Args:
-        lines: Comment lines and the preamble.
-        names: Names of the columns in their order.
-
-    Returns:
-        For each column what is said about it, in the order of the lines.
-    """
+    """Return for each column what comment lines and the preamble say about its unit."""
     found: list[list[Stated]] = [[] for _ in names]
     known: tuple[Index, Index] | None = None
     for line in lines:
@@ -193,11 +182,7 @@ def units_of_remarks(lines: Sequence[str], names: Sequence[str]) -> tuple[tuple[
 
 
 def stated_raster(lines: Sequence[str]) -> tuple[float, float] | None:
-    """Return start and step of the time [s] where a LabVIEW file states them in place of a column.
-
-    Args:
-        lines: Comment lines and the preamble.
-    """
+    """Return start and step of the time [s] where LabVIEW states them in place of a column."""
     found = {}
     for line in lines:
         head, *cells = PIECE.split(line)
@@ -216,12 +201,7 @@ def _of_channels(found: list[list[Stated]], names: Sequence[str]) -> list[list[S
 
 
 def is_remark(line: str, above: Sequence[str]) -> bool:
-    """Return whether a comment below a row of names speaks of these and names no columns itself.
-
-    Args:
-        line: The comment.
-        above: Cells of the row of names.
-    """
+    """Return whether a comment below a row of names speaks of these and names no columns itself."""
     names = {split_name(cell)[0] for cell in above if len(cell) <= LONGEST_PIECE}
     labels = [label for label, _ in _pairs(COMMENT.sub("", plain(line), count=1))]
     return bool(labels) and all(label in names for label in labels)

@@ -3,8 +3,6 @@
 Numbers of a text table by their decimal sign, and whether the file settles which it is.
 
 The cells of a line of a text table: what is a number, a time, a text or nothing.
-
-The end of a text file that is being written: its new whole lines, each of them read once.
 """
 
 from __future__ import annotations
@@ -12,9 +10,8 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
-from typing import BinaryIO, Literal
 
 import numpy as np
 import pandas as pd
@@ -28,8 +25,8 @@ from ..clock import (
     CLOCK_CELL,
     DAYS,
     DAYS_CELL,
-    ClockColumn,
     TimeFormat,
+    Values,
     read_clock,
     read_days,
     read_stated,
@@ -54,9 +51,6 @@ def signs_joined(text: str) -> str:
     """Return a table of blanks with the signs next to their digits.
 
     A minus alone may also be the mark of no value; where a plus stands apart, it is a sign, too.
-
-    Args:
-        text: The whole text.
     """
     is_apart = "+ " in text and PLUS_APART.search(text) is not None
     return BETWEEN_BLANKS.sub(r"\1", text) if is_apart else text
@@ -97,12 +91,7 @@ SURELY_DECIMAL = (
 
 
 def start_of_line(text: str, index: int) -> int:
-    r"""Return where a line begins.
-
-    Args:
-        text: With `\n` line ends.
-        index: Of the line, from 0; the text has it.
-    """
+    r"""Return where a line begins in a text with `\n` line ends, counted from 0."""
     offset = 0
     for _ in range(index):
         offset = text.find("\n", offset) + 1
@@ -110,14 +99,7 @@ def start_of_line(text: str, index: int) -> int:
 
 
 def is_unsettled(text: str, first_line: int, delimiter: str, decimal: str) -> bool:
-    r"""Return whether the decimal sign shows itself only where it may separate thousands.
-
-    Args:
-        text: The whole text, with `\n` line ends.
-        first_line: Index of the first line of data, from 0.
-        delimiter: What stands between the cells.
-        decimal: The sign that is taken as decimal.
-    """
+    """Return whether the decimal sign shows itself only where it may separate thousands."""
     edge = rf'\s"{re.escape(delimiter)}'
     cell = rf"(?:^|(?<=[{edge}]))(?:{{}})(?=[{edge}]|$)"
     if delimiter == decimal:  # within quotes alone
@@ -144,12 +126,7 @@ QUOTED_OR_SOLID = re.compile(r'"[^"]*"|\S+')
 
 
 def split_line(line: str, delimiter: str) -> list[str]:
-    """Return the cells of a line without quotes and outer blanks.
-
-    Args:
-        line: Without its line end.
-        delimiter: One of `DELIMITERS`.
-    """
+    """Return the cells of a line without quotes and outer blanks."""
     if delimiter == " ":
         if '"' not in line:
             return line.split()
@@ -228,31 +205,6 @@ STAMPS = 19900101000000, 21000101000000
 STAMP = r"(\d{4})(\d{2})(\d{2})([01]\d|2[0-3])([0-5]\d)([0-5]\d)"
 
 
-@dataclass(frozen=True)
-class Values:
-    """The values of one column.
-
-    Attributes:
-        numbers: Float64, shape (time,).
-        is_time: The cells were clock times or dates; the numbers are seconds.
-        note: How they were read if not as plain numbers, or empty.
-        unreadable: Which cells hold something that could not be read, shape (time,).
-        first_text: What stands in the first of these, or empty.
-        question: What the cells leave open, or None.
-        doubt: What speaks against the reading, as a sentence, or empty.
-        start: Day of the first time, ISO 8601; empty where it is not known.
-    """
-
-    numbers: np.ndarray
-    is_time: bool = False
-    note: str = ""
-    unreadable: np.ndarray | None = None
-    first_text: str = ""
-    question: Question | None = None
-    doubt: str = ""
-    start: str = ""
-
-
 def read_values(
     cells: pd.Series,
     decimal: str,
@@ -303,12 +255,7 @@ def read_values(
 
 
 def unsettled_cells(cells: pd.Series, decimal: str) -> Question | None:
-    """Return the question of a column of texts whose sign may separate thousands, or None.
-
-    Args:
-        cells: One column, all texts.
-        decimal: The sign that may be decimal.
-    """
+    """Return the question of a column of texts whose sign may separate thousands, or None."""
     texts = cells.dropna().astype(str).str.strip()
     open_cells = texts[texts.str.fullmatch(THOUSANDS_OR_DECIMALS[decimal])]
     if open_cells.empty:
@@ -327,11 +274,7 @@ def unsettled_cells(cells: pd.Series, decimal: str) -> Question | None:
 def unreadable_cells(values: Values, column: str, lines: np.ndarray, where: str) -> Finding | None:
     """Return the finding about the cells of a column that became NaN, or None.
 
-    Args:
-        values: What was read.
-        column: Its name in the file.
-        lines: Line number in the file of each sample, from 1, shape (time,).
-        where: The file.
+    `lines` are the line numbers in the file, from 1, shape (time,).
     """
     if values.unreadable is None or not values.unreadable.any():
         return None
@@ -349,13 +292,7 @@ def unreadable_cells(values: Values, column: str, lines: np.ndarray, where: str)
 
 
 def doubtful(values: Values, column: str, where: str) -> Finding | None:
-    """Return the finding about times that were read in one of two ways, or None.
-
-    Args:
-        values: What was read.
-        column: Its name in the file.
-        where: The file.
-    """
+    """Return the finding about times that were read in one of two ways, or None."""
     if not values.doubt:
         return None
     return Finding(
@@ -405,10 +342,10 @@ def _read_numbers(texts: pd.Series, decimal: str, has_thousands: bool) -> Values
 
 def _read_clock(texts: pd.Series, name: str) -> Values | None:
     if texts.str.fullmatch(DAYS).any():
-        return _times(read_days(texts))
+        return read_days(texts)
     if not texts.str.fullmatch(CLOCK).any():
         return None
-    return _times(read_clock(texts, name))
+    return read_clock(texts, name)
 
 
 def _read_dates(texts: pd.Series, name: str) -> Values | None:
@@ -416,7 +353,7 @@ def _read_dates(texts: pd.Series, name: str) -> Values | None:
     if not known_by and not texts.str.fullmatch(DATE_TIME).any():
         return None
     column = read_dates(numbered, name, known_by=known_by)
-    return _times(column) if column.note else None
+    return column if column.note else None
 
 
 def _read_stamps(numbers: np.ndarray, name: str) -> Values | None:
@@ -430,17 +367,6 @@ def _read_stamps(numbers: np.ndarray, name: str) -> Values | None:
     return found if found is not None and np.all(np.isfinite(found.numbers)) else None
 
 
-def _times(column: ClockColumn) -> Values:
-    return Values(
-        column.seconds,
-        True,
-        column.note,
-        question=column.question,
-        doubt=column.doubt,
-        start=column.start,
-    )
-
-
 def _read_stated(texts: pd.Series, missing: np.ndarray, stated: TimeFormat, name: str) -> Values:
     """Return times in the format that is stated; where most are not of it, that is a question."""
     if stated.order:
@@ -449,11 +375,11 @@ def _read_stated(texts: pd.Series, missing: np.ndarray, stated: TimeFormat, name
         column = read_dates(numbered, name, order, known_by=known_by)
     else:
         column = read_stated(texts, stated)
-    unreadable = ~missing & ~np.isfinite(column.seconds)
+    unreadable = ~missing & ~np.isfinite(column.numbers)
     if 2 * unreadable.sum() <= (~missing).sum():
-        return _times(column)
+        return column
     return replace(
-        _times(column),
+        column,
         note="not read",
         question=Question(
             f"The format is stated as {stated.text}; {int(unreadable.sum())} of "
@@ -470,76 +396,3 @@ def _read_states(texts: pd.Series) -> Values | None:
     if not np.isfinite(numbers).any():
         return None
     return Values(numbers, note="true/on and false/off read as 1 and 0")
-
-
-MARK_BYTES = 4096
-"""Bytes at both ends of what was read that must still be there for a file to be the same."""
-
-MOST_BYTES = 32 << 20
-"""Most that one look reads [byte]; what is more waits for the next one."""
-
-
-@dataclass(frozen=True)
-class Grown:
-    """What a look at a file has brought.
-
-    Attributes:
-        kind: `"start"` for the first lines of a file, `"more"` for those behind the ones that were
-            read, `"replaced"` if those are not there any more and the file must be read anew.
-        data: Whole lines, the last with its line end; empty if there are none.
-    """
-
-    kind: Literal["start", "more", "replaced"]
-    data: bytes
-
-
-class Growth:
-    """Follows a file that a bench appends lines to.
-
-    A line counts once its line end is there, so a torn one waits for the next look. A file counts
-    as the same one while what was read of it still stands at its place: the first and the last
-    `MARK_BYTES` of it are compared, at each look, so that the cost of a look depends on what is new
-    and not on the length of the file.
-    """
-
-    def __init__(self) -> None:
-        self._head = b""
-        self._tail = b""
-        self._num_read = 0
-
-    @property
-    def num_read(self) -> int:
-        """Bytes of the file that were read."""
-        return self._num_read
-
-    def look(self, file: BinaryIO) -> Grown:
-        """Return what is new in the file.
-
-        After `"replaced"` the next look begins at the start.
-
-        Args:
-            file: Open for reading and seekable; the writer may go on meanwhile.
-        """
-        if self._num_read == 0:
-            return self._read(file, "start")
-        if not self._is_same(file):
-            self._head, self._tail, self._num_read = b"", b"", 0
-            return Grown("replaced", b"")
-        return self._read(file, "more")
-
-    def _is_same(self, file: BinaryIO) -> bool:
-        file.seek(0)
-        if file.read(len(self._head)) != self._head:
-            return False
-        file.seek(self._num_read - len(self._tail))
-        return file.read(len(self._tail)) == self._tail
-
-    def _read(self, file: BinaryIO, kind: Literal["start", "more"]) -> Grown:
-        file.seek(self._num_read)
-        data = file.read(MOST_BYTES)
-        data = data[: data.rfind(b"\n") + 1]
-        if data:
-            self._num_read += len(data)
-            self._head = (self._head + data[: MARK_BYTES - len(self._head)])[:MARK_BYTES]
-            self._tail = (self._tail + data)[-MARK_BYTES:]
-        return Grown(kind, data)
