@@ -67,7 +67,7 @@ study: $(VENV)/ready
 study-%: $(VENV)/ready
 	$(BIN)/python tests/studies/studies.py $*
 
-# How large the house is: files, lines, rooms, who imports whom; what a quick calibration enters.
+# How large the house is: files, lines, rooms; what a quick calibration enters.
 house: $(VENV)/ready
 	$(BIN)/python tests/studies/house.py --profile
 
