@@ -22,7 +22,7 @@ def test_no_outputs_are_stored(path):
 
 
 def _marked(path):
-    """The one that calibrates nothing runs with the other tests; the others take a minute or more."""
+    """The one that calibrates nothing runs with the other tests; the others take minutes."""
     marks = [] if path.stem.startswith("06") else [pytest.mark.notebook]
     return pytest.param(path, marks=marks, id=path.stem)
 
