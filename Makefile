@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import sys; print(sys.executable)' 2>/dev/null)))
 
 .PHONY: demo demo-results test quick test-slow profile test-latest lint types check bench bench-fleet \
-  bench-before study audit house docs notebooks notebooks-rendered lock clean
+  study audit house docs notebooks notebooks-rendered lock clean
 
 demo: $(VENV)/ready
 	$(BIN)/heatrun demo
@@ -47,12 +47,9 @@ bench: $(VENV)/ready
 profile: $(VENV)/ready
 	$(BIN)/python tests/benchmarks/profile_calibrate.py $(WORDS)
 
-# Machines per second of a fleet, and the tree before unmodelled heat beside this one.
+# Machines per second of a fleet.
 bench-fleet: $(VENV)/ready
 	$(BIN)/python tests/benchmarks/fleet.py
-
-bench-before: $(VENV)/ready
-	$(BIN)/python tests/benchmarks/against.py
 
 # Certificate, workbook, DCC, reports and discovery of bundled data, kept under results/demo.
 demo-results: $(VENV)/ready
@@ -70,7 +67,7 @@ study: $(VENV)/ready
 study-%: $(VENV)/ready
 	$(BIN)/python tests/studies/studies.py $*
 
-# How large the house is: files, lines, rooms, who imports whom; what a quick calibration enters.
+# How large the house is: files, lines, rooms; what a quick calibration enters.
 house: $(VENV)/ready
 	$(BIN)/python tests/studies/house.py --profile
 

@@ -32,34 +32,30 @@ class Measured:
     peak_MB: float
 
 
-def heatrun(
-    words: list[str], cache: Path, tree: Path = ROOT, codes: tuple[int, ...] = (0,)
-) -> Measured:
+def heatrun(words: list[str], cache: Path) -> Measured:
     """Run a command to its end.
 
     Args:
         words: After `heatrun`.
         cache: Where compilations are kept; empty for a cold start.
-        tree: Whose packages are run.
-        codes: With which it may end.
 
     Raises:
-        RuntimeError: If it ends with another.
+        RuntimeError: If it fails.
     """
     done = subprocess.run(
         [sys.executable, "-c", MEASURE, sys.executable, "-m", "heatrun.cli", *words],
-        check=True, capture_output=True, text=True, cwd=tree, env=environment(cache, tree),
+        check=True, capture_output=True, text=True, cwd=ROOT, env=environment(cache),
     )  # fmt: skip
     found = json.loads(done.stdout)
     code, said = found.pop("code"), found.pop("said")
-    if code not in codes:
-        raise RuntimeError(f"heatrun {' '.join(words)} in {tree} ended with code {code}: {said}")
+    if code != 0:
+        raise RuntimeError(f"heatrun {' '.join(words)} ended with code {code}: {said}")
     return Measured(**found)
 
 
-def environment(cache: Path, tree: Path = ROOT) -> dict[str, str]:
-    """Return the environment of the processes of a tree."""
-    paths = os.pathsep.join(str(tree / part) for part in ("identify", "models"))
+def environment(cache: Path) -> dict[str, str]:
+    """Return the environment of the processes."""
+    paths = os.pathsep.join(str(ROOT / part) for part in ("identify", "models"))
     own = {**os.environ, "PYTHONPATH": paths, "XDG_CACHE_HOME": str(cache),
            "OPENBLAS_NUM_THREADS": "1"}  # fmt: skip
     own.pop("JAX_COMPILATION_CACHE_DIR", None)

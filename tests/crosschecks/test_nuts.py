@@ -55,24 +55,6 @@ def test_a_posterior_that_is_off_would_be_seen(found, ensemble):
 
 
 @pytest.mark.slow
-def test_blackjax_and_long_chains_agree_too(found, ensemble):
-    pytest.importorskip("blackjax")
-    pytest.importorskip("numpyro")
-    import chains
-
-    long = {"num_warmup": 1000, "num_draws": 4000, "num_chains": 4}
-    first, none = chains.by_blackjax(found, **long, seed=5)
-    second, neither = chains.by_numpyro(found, **long, seed=6)
-    assert none == neither == 0
-    by_name = [chains.statistics(found, v) for v in (first, second, ensemble.vectors)]
-    for one, other in ((0, 1), (0, 2), (1, 2)):
-        z = chains.z_values(by_name[one], by_name[other])
-        assert largest(z)[0] < FAR, largest(z)
-        # the errors are right only if the z values are of size one
-        assert 0.6 < np.sqrt(np.mean([v**2 for row in z.values() for v in row.values()])) < 1.5
-
-
-@pytest.mark.slow
 def test_weighted_draws_agree_with_the_ensemble(found, ensemble):
     """A tenth of a standard deviation: the delta method knows nothing of a tail without draws."""
     weighted = ensemble.weighted
@@ -106,7 +88,7 @@ def test_quick_draws_find_the_tail_of_a_noise_that_does_not_show():
 
 
 @pytest.mark.parametrize(
-    "seed", [0, 1, *(pytest.param(s, marks=pytest.mark.slow) for s in range(2, 6))]
+    "seed", [0, *(pytest.param(s, marks=pytest.mark.slow) for s in range(1, 6))]
 )
 def test_weighted_draws_find_a_long_tail_or_say_that_they_did_not(found, seed, monkeypatch):
     """One coordinate falls off four times as slowly to one side, as white noise near zero does."""

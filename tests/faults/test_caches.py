@@ -72,14 +72,14 @@ def test_a_program_that_was_kept_is_not_compiled_again(filled):
 def test_a_damaged_program_is_replaced_without_a_word(damage, filled):
     (path,) = entries(filled)
     whole = path.read_bytes()
-    path.write_bytes(damage(whole))
+    damaged = damage(whole)
+    path.write_bytes(damaged)
     out, err = compiled(filled)
     assert "{'compiled': 1}" in out
     assert not err
     assert "said" not in out
     assert len(path.read_bytes()) > len(whole) // 2
-    out, _ = compiled(filled)
-    assert "{'loaded': 1}" in out
+    assert path.read_bytes() != damaged
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners of files")

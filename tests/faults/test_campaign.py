@@ -155,7 +155,7 @@ def test_a_command_that_is_killed_goes_on_and_so_does_the_campaign(tmp_path):
     words += ["--workers", "1", "--minutes", "5", "--results", str(results)]
     words += ["--scratch", str(tmp_path / "scratch")]
     before = ""
-    for kills in (2, 6):
+    for kills in (1, 3):
         done = subprocess.run(
             [*words, "--kills", str(kills)], capture_output=True, text=True, check=False
         )
@@ -165,6 +165,6 @@ def test_a_command_that_is_killed_goes_on_and_so_does_the_campaign(tmp_path):
         before = lines
     rows = [json.loads(line) for line in before.splitlines()]
     assert [row["same"] for row in rows if row["kind"] == "learnt"] == [[]]  # check writes none
-    assert sum(row["kind"] == "kill" for row in rows) >= 6
+    assert sum(row["kind"] == "kill" for row in rows) >= 3
     assert all(row["faults"] == [] for row in rows)
     assert "| check | SIG" in (results / "table.md").read_text()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -47,9 +48,11 @@ def warming(*, tau_s: float, hours: float, noise_K: float = 0.1, rounding_K: flo
     return held("warming", time_s, winding_degC=winding, ambient_degC=20.0)
 
 
-@pytest.fixture
-def run(tmp_path, bench, generator):
-    return run_near_truth(tmp_path / "run", MOTOR, bench(generator.duty(600.0), seed=20))
+@pytest.fixture(scope="module")
+def run(tmp_path_factory, bench, generator):
+    """A run that nobody writes into."""
+    folder = tmp_path_factory.mktemp("near") / "run"
+    return run_near_truth(folder, MOTOR, bench(generator.duty(600.0), seed=20))
 
 
 def test_rises_stand_beside_temperatures():
@@ -204,7 +207,8 @@ DAMAGE = {
 
 
 @pytest.mark.parametrize("damage", [*DAMAGE, "missing"])
-def test_a_damaged_run_is_an_error_of_ours(run, damage):
+def test_a_damaged_run_is_an_error_of_ours(run, damage, tmp_path):
+    run = Path(shutil.copytree(run, tmp_path / "run"))
     if damage == "missing":
         (run / "model_second.toml").unlink()
     else:
@@ -380,8 +384,7 @@ def test_nothing_is_continued_where_the_load_is_not_known_to_be_held():
     assert "held" in str(found.steady)
 
 
-def test_the_network_of_a_run_continues_a_heat_run_to_its_rest(tmp_path, bench, generator):
-    run = run_near_truth(tmp_path / "run", MOTOR, bench(generator.duty(600.0), seed=20))
+def test_the_network_of_a_run_continues_a_heat_run_to_its_rest(run, bench, generator):
     report = build_report(
         "thermal", MOTOR, bench(generator.constant_load(2700.0), seed=22, name="stopped"), run=run
     )

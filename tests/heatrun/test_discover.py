@@ -15,11 +15,15 @@ from discovered import discovered
 from hidden_machines import machine
 from page_numbers import said_and_simulated
 
+from heatrun.checks.load_moments import with_load_moments
 from heatrun.cli import main
+from heatrun.errors import InputError
 from heatrun.export.rerun import as_replica, read_run_test
 from heatrun.model.catalogue import all_effects
 from heatrun.posterior.posterior import normal_draws
 from heatrun.readers.mat5 import read_variables
+from heatrun.record.record import Record
+from heatrun.record.reduction import reduce
 from heatrun.results.schema import schema_of
 from lptn import EFFECTS
 
@@ -42,8 +46,8 @@ def quick_draws(fit, *, method, seed, **_):
 def folder(tmp_path_factory):
     """The run folder of the command, and what it printed beside it; nobody writes into it."""
     run = tmp_path_factory.mktemp("page") / "run"
-    words = ["discover", MOTOR, STAIRCASE, "--holdout", HELD_OUT, "--effects",
-             str(HERE / "cabinet_heater.py"), "--quick", "--json", "--out", str(run)]  # fmt: skip
+    words = ["discover", MOTOR, STAIRCASE, "--holdout", HELD_OUT, "--quick", "--json", "--out",
+             str(run)]  # fmt: skip
     with (
         pytest.MonkeyPatch.context() as patch,
         run.with_name("said.json").open("w", encoding="utf-8") as out,
@@ -68,7 +72,7 @@ def test_the_command_names_what_is_hidden_with_its_amplitude_and_writes_its_fold
     said = json.loads(folder.with_name("said.json").read_text())
     assert said["verdict"] == stored["verdict"] == "named"
     assert [effect["id"] for effect in said["effects"]] == TRUTH["hidden"]
-    assert {row["id"] for row in stored["candidates"]} == {*IDS, "cabinet_heater"}
+    assert {row["id"] for row in stored["candidates"]} == IDS
     for row in stored["candidates"]:
         assert row["reason"] or row["status"] == "accepted"
     (effect,) = stored["effects"]
@@ -140,6 +144,19 @@ def test_a_file_of_effects_that_is_not_there_is_an_error(tmp_path, capsys):
     assert main(["discover", MOTOR, STAIRCASE, *words]) == 1
     assert "--effects" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+def test_a_file_of_effects_is_searched_beside_the_catalogue(tmp_path, monkeypatch):
+    searched = []
+
+    def search(*_, kinds, **__):
+        searched.extend(kind.card.id for kind in kinds)
+        raise InputError("so far it goes here; the rest takes a minute")
+
+    monkeypatch.setattr("heatrun.calibration.find", search)
+    words = ["discover", MOTOR, STAIRCASE, "--effects", str(HERE / "cabinet_heater.py")]
+    assert main([*words, "--out", str(tmp_path / "run")]) == 1
+    assert set(searched) == {*IDS, "cabinet_heater"}
 
 
 def test_the_numbers_simulated_have_the_error_of_the_page(folder):
@@ -254,8 +271,10 @@ def test_heat_from_outside_is_found_where_and_when_it_was(hidden_bench):
 
 
 def test_on_a_clean_machine_nothing_is_claimed(hidden_bench):
-    _, motor, (staircase, _), _ = machine(hidden_bench, (), 32)
-    found = discovered(motor, [staircase])
+    """Logged and reduced as the bundled record, so that programs of the command are found again."""
+    case, motor, *_ = machine(hidden_bench, (), 32)
+    record = Record("staircase", {name: v[::2] for name, v in case.tests[0].columns.items()})
+    found = discovered(motor, [with_load_moments(reduce(record, motor), record, motor)])
     assert found.verdict.word == "adequate"
     assert not found.asked.core.effects
     assert found.asked.familywise_p > 0.05

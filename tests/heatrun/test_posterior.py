@@ -6,16 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from weighted_moments import gap_in_errors
 
-from heatrun.fit.fit import fit, ljung_box
-from heatrun.model.model import Model
-from heatrun.model.problem import Problem
+from heatrun.fit.fit import ljung_box
 from heatrun.posterior import ensemble as ensemble_run
 from heatrun.posterior import posterior as posterior_module
 from heatrun.posterior.convergence import FULL, judge
 from heatrun.posterior.identifiability import forecast
-from heatrun.posterior.importance import linear_sample
 from heatrun.posterior.posterior import sample
 from heatrun.posterior.predict import predict
 from heatrun.posterior.proposal import Branches
@@ -62,17 +58,6 @@ def test_known_parameters_are_inside_the_intervals(posterior, truth):
     for name, true in truth.items():
         low, high = np.quantile(values[name], [0.0005, 0.9995])
         assert low < true < high
-
-
-@pytest.mark.slow
-def test_weighted_draws_agree_with_the_ensemble(blocks, motor):
-    """On the first order, whose posterior is wide and round enough for the guard to hold."""
-    first = fit(Problem.of(Model.of("first", motor), motor, [blocks]))
-    weighted = linear_sample(first, num_draws=8192, seed=5)
-    assert weighted.is_sound
-    ensemble = sample(first, seed=5, most_steps=6000)
-    gap = gap_in_errors(weighted, ensemble)
-    assert np.all(np.abs(gap) < 5), gap
 
 
 @pytest.fixture

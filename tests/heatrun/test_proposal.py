@@ -106,7 +106,7 @@ def test_the_proposal_draws_from_its_density(fitted, rng):
     assert proposal.branches.share.sum() == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("which", ["half_hour", pytest.param("one_node", marks=pytest.mark.slow)])
 def test_weights_hold_where_a_network_is_too_small(request, which, seed):
     """One node for a winding and its stator: the noise grows to what its prior allows.

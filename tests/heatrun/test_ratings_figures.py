@@ -454,12 +454,7 @@ def values(drawn):
 
 
 @pytest.mark.parametrize(
-    ("name", "amounts"),
-    [
-        ("ambient_recirculation", {"r": 0.02}),
-        ("ac_copper_loss", {"k": 1.0}),
-        ("speed_cooling", {"g": 0.3, "m": 0.8}),
-    ],
+    ("name", "amounts"), [("ambient_recirculation", {"r": 0.02}), ("ac_copper_loss", {"k": 1.0})]
 )
 def test_an_effect_behind_all_draws_is_the_network_with_it(name, amounts):
     given = effect(name, amounts)

@@ -41,6 +41,9 @@ NULL = {
 }
 NUM_ROWS = 8
 
+BALANCED = [*((law, "map") for law in LAWS), *((law, "balance") for law in ("none", *NULL))]
+"""Laws and kinds of losses: what the losses are, a housing does not ask."""
+
 
 def effects_of(law, network):
     """The effect of a law, the others of the base network at null beside it: one program for all.
@@ -77,8 +80,7 @@ def asked(law, kind, network, *, current=(CURRENT,), share=(0.5,), stator=SINK):
     return jax.tree.map(lambda values: np.asarray(values)[:num], found)
 
 
-@pytest.mark.parametrize("kind", ["balance", "map"])
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(("law", "kind"), BALANCED)
 def test_a_network_rests_where_the_heat_that_enters_leaves(law, kind, network):
     found, _, _ = asked(law, kind, network)
 
@@ -109,8 +111,7 @@ def by_scipy(slope, start, place, limit):
     return exact.t_events[0][0], exact.y_events[0][0]
 
 
-@pytest.mark.parametrize("kind", ["balance", "map"])
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(("law", "kind"), BALANCED)
 def test_the_time_to_a_limit_is_that_of_scipy(law, kind, network):
     slope = rate(law, kind)
     first = [SINK + 2.0, SINK] + ([SINK + 0.35 * 2.0] if law == "housing_node" else [])

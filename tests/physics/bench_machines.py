@@ -222,14 +222,13 @@ def outrunner(grams: float, seconds: float) -> Machine:
     )  # fmt: skip
 
 
-def in_turn(cases: Iterable[Any], machines: Sequence[Machine], *, num: int = 2) -> list[Any]:
-    """Return parameters (case, machine): each case on the next `num` machines, the rest slow."""
+def in_turn(cases: Iterable[Any], machines: Sequence[Machine]) -> list[Any]:
+    """Return parameters (case, machine): each case on the next machine, the rest slow."""
     found = []
     for place, case in enumerate(cases):
         values = case if isinstance(case, tuple) else (case,)
-        turns = {(place * num + turn) % len(machines) for turn in range(num)}
         for index, machine in enumerate(machines):
-            marks = () if index in turns else (pytest.mark.slow,)
+            marks = () if index == place % len(machines) else (pytest.mark.slow,)
             name = values[0] if isinstance(values[0], str) else f"case{place}"
             found.append(pytest.param(*values, machine, marks=marks, id=f"{name}-{machine.name}"))
     return found

@@ -211,7 +211,10 @@ INVISIBLE = {
 }
 
 
-@pytest.mark.parametrize(("grams", "seconds"), [(5.0, 25.0), (50.0, 25.0), (500.0, 60.0)])
+@pytest.mark.parametrize(
+    ("grams", "seconds"),
+    [(5.0, 25.0), pytest.param(50.0, 25.0, marks=pytest.mark.slow), (500.0, 60.0)],
+)
 def test_a_small_motor_in_the_wash_of_its_propeller_is_judged_by_its_own_scale(grams, seconds):
     machine = outrunner(grams, seconds)
     columns, motor = bench_record(machine, "load and cool-down"), motor_of(machine)

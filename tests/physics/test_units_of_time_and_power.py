@@ -194,7 +194,6 @@ def test_a_hot_start_is_no_fahrenheit_where_the_winding_cools_again(machine):
             for said in [(False, "error", 0.0), (True, "warning", 0.0), (False, "error", -15.0)]
         ],
         AIR,
-        num=1,
     ),
 )
 def test_a_winding_in_tenths_of_degrees_is_named(scale, is_decided, severity, hall_K, machine):

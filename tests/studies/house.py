@@ -1,11 +1,9 @@
-"""How large the house is: files, lines, rooms, and who imports whom.
+"""How large the house is: files, lines and rooms; who may import whom, `lint-imports` holds.
 
     python tests/studies/house.py [--profile] [--tree FOLDER]
 
-A room is a folder with an `__init__.py`. All imports of one room by another are one arrow; those
-between a room and one inside it are none, unless upwards: where a module imports what stands behind
-it in `ROAD`. Code is what is left of the lines without blanks, comments and docstrings.
-`--profile` adds what a `calibrate --quick` of bundled data enters.
+A room is a folder with an `__init__.py`. Code is what is left of the lines without blanks, comments
+and docstrings. `--profile` adds what a `calibrate --quick` of bundled data enters.
 """
 
 from __future__ import annotations
@@ -21,22 +19,12 @@ import tempfile
 import threading
 import tokenize
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = ("models", "identify")
-ROAD = (
-    "lptn", "heatrun.errors", "heatrun.io", "heatrun.record", "heatrun.motor", "heatrun.results",
-    "heatrun.checks", "heatrun.readers", "heatrun.init", "heatrun.model", "heatrun.fit",
-    "heatrun.posterior", "heatrun.effects", "heatrun.runs", "heatrun.calibration",
-    "heatrun.discovery", "heatrun.reports", "heatrun.simulation", "heatrun.shutdown",
-    "heatrun.export", "heatrun.jobs", "heatrun.api", "heatrun.commands",
-    "heatrun.cli", "heatrun_fleet", "heatrun_reports", "heatrun_view",
-)  # fmt: skip
-"""Rooms and modules from the physics to the live view."""
 
 
 def code_lines(text: str) -> int:
@@ -60,32 +48,6 @@ def modules_of(tree: Path) -> dict[str, Path]:
             dotted = ".".join(path.relative_to(tree / folder).with_suffix("").parts)
             found[dotted.removesuffix(".__init__")] = path
     return found
-
-
-def room_of(name: str, path: Path) -> str:
-    """Return the room of a module."""
-    return name if path.name == "__init__.py" else name.rpartition(".")[0]
-
-
-def imports(name: str, modules: dict[str, Path]) -> Iterator[str]:
-    """Yield the modules of the house that a module imports, inside functions and for types too."""
-    here = room_of(name, modules[name]).split(".")
-    for node in ast.walk(ast.parse(modules[name].read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom):
-            base = here[: len(here) + 1 - node.level] if node.level else []
-            source = ".".join([*base, *([node.module] if node.module else [])])
-            for alias in node.names:
-                inner = f"{source}.{alias.name}"
-                yield inner if inner in modules else source
-        elif isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-
-
-def place(name: str) -> int | None:
-    """Return where a module stands on the road; None where the road does not say."""
-    parts = name.split(".")
-    names = (".".join(parts[:n]) for n in range(len(parts), 0, -1))
-    return next((ROAD.index(each) for each in names if each in ROAD), None)
 
 
 def entered(tree: Path) -> str:
@@ -122,7 +84,6 @@ def main() -> None:
     parser.add_argument("--tree", type=Path, default=ROOT, help="checkout of another commit")
     options = parser.parse_args()
     modules = modules_of(options.tree.resolve())
-    rooms = {name: room_of(name, path) for name, path in modules.items()}
     sizes: dict[str, Counter[str]] = {}
     for name, path in modules.items():
         text = path.read_text(encoding="utf-8")
@@ -133,25 +94,6 @@ def main() -> None:
     print("| package | files | lines | code | rooms |\n|---|---|---|---|---|")
     for name, size in sizes.items():
         print(f"| {name} | {size['files']} | {size['lines']} | {size['code']} | {size['rooms']} |")
-    arrows, upwards = set(), Counter[tuple[str, str]]()
-    for name in modules:
-        for target in imports(name, modules):
-            if target not in modules or rooms[name] == rooms[target]:
-                continue
-            arrow = rooms[name], rooms[target]
-            if not any(a.startswith(f"{b}.") for a, b in (arrow, arrow[::-1])):
-                arrows.add(arrow)
-            begin, end = place(name), place(target)
-            upwards[arrow] += begin is not None and end is not None and begin < end
-    upward = sorted(" → ".join(arrow) for arrow, num in upwards.items() if num)
-    pairs = sorted(" ↔ ".join(arrow) for arrow in arrows if arrow < arrow[::-1] in arrows)
-    print(f"\nArrows between rooms: {len(arrows)}; upwards: {len(upward)}; "
-          f"pairs of rooms that import each other: {len(pairs)}.\n")  # fmt: skip
-    for each in [
-        *(f"upwards: {arrow}" for arrow in upward),
-        *(f"mutual: {pair}" for pair in pairs),
-    ]:
-        print("-", each)
     if options.profile:
         print(f"\nA quick calibration enters {entered(options.tree.resolve())}.")
 

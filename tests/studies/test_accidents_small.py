@@ -14,14 +14,14 @@ from gate_rows import limits_95
 
 
 def test_clean_records_are_not_accused_and_accidents_are_named(tmp_path):
-    """Two of each: a small version of the study."""
+    """One of each: a small version of the study."""
     names = ["", "sensor falls off", "a phase reads nothing", "marker in the power"]
-    rows = [run({"accident": name, "seed": seed}, tmp_path) for name in names for seed in (1, 2)]
+    rows = [run({"accident": name, "seed": 1}, tmp_path) for name in names]
     assert all(is_named(row) for row in rows if row["accident"])
     text = table(rows, 1)
-    assert "0 of 2 accused" in text
-    assert "| sensor falls off | 2 | 2 | 2 |" in text
-    assert "| **all** | 6 | 6 | 6 |" in text
+    assert "0 of 1 accused" in text
+    assert "| sensor falls off | 1 | 1 | 1 |" in text
+    assert "| **all** | 3 | 3 | 3 |" in text
 
 
 def test_another_moment_or_another_finding_is_not_named():

@@ -18,7 +18,6 @@ from bodies_cases import (
     both_ways,
     cycle,
     duty_of,
-    heated,
     jobs,
     make,
     on_and_off,
@@ -31,7 +30,6 @@ from bodies_machines import (
     conductances,
     four_nodes,
     lagging,
-    one_node,
     simulate,
     two_nodes,
     with_housing,
@@ -43,28 +41,6 @@ ROOM = 22.0
 
 def still_air(_):
     return ROOM
-
-
-def test_a_heated_block_warms_by_the_exponential():
-    machine = one_node(np.random.default_rng(1))
-    tau = machine.capacity["block"] * machine.resistance["block", SINK]
-    duty = heated(duty_of(np.array([2.0 * tau]), np.ones(1), np.zeros(1)))
-    courses = simulate(machine, duty, still_air)
-    rise = machine.watts * machine.resistance["block", SINK]
-    exact = ROOM + rise * -np.expm1(-courses.time_s / tau)
-    np.testing.assert_allclose(courses.nodes_degC["block"], exact, atol=1e-4)
-
-
-def test_a_coil_settles_where_its_warm_resistance_says():
-    machine = replace(two_nodes(np.random.default_rng(2), copper_share=1.0), phases=1)
-    to_room = sum(machine.resistance.values())
-    load = 0.5
-    duty = duty_of(np.array([60.0 * 3600.0]), np.array([load]), np.zeros(1))
-    courses = simulate(machine, duty, still_air)
-    # (T - T0) / R = I^2 R25 (B + T) / (B + 25), linear in T
-    cold = (load * machine.rated_A) ** 2 * machine.ohm / 259.5
-    exact = (ROOM / to_room + 234.5 * cold) / (1.0 / to_room - cold)
-    assert courses.nodes_degC["winding"][-1] == pytest.approx(exact, abs=1e-3)
 
 
 def test_four_nodes_cool_as_the_matrix_exponential_says():

@@ -5,26 +5,20 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-sys.path.insert(1, str(Path(__file__).parents[1] / "fleet"))
 
 from fleet_noise import run, table
 from fleet_noise_cases import (
-    EFFECT,
     IRON_SPREAD,
-    IRON_W,
     NOISE,
     draw_noisy_fleet,
     smoothly,
     write_noisy_fleet,
 )
-from rows_of_machines import machine as drawn_machine
-from rows_of_machines import write_rows as write_machines
 from study_runs import write_rows
 
 
@@ -64,30 +58,9 @@ def test_the_files_are_the_ones_that_a_bench_leaves(tmp_path):
     assert first == second
 
 
-def drawn(path, out, workers):
-    """Stands for the fits of a fleet: rows of its machines as drawn about a truth."""
-    names = [row.split(",")[0] for row in (path.parent / "machines.csv").read_text().split()[1:]]
-    rows = [drawn_machine(int(name[1:]), machine=name) for name in names]
-    if EFFECT in (path.parent / "motor.toml").read_text():
-        rows = [with_effect(row, number) for number, row in enumerate(rows)]
-    return SimpleNamespace(path=write_machines(out, rows))
-
-
-def with_effect(row, number):
-    error = 0.1 * np.random.default_rng(number).standard_normal()
-    covariance = 0.05**2 * np.eye(5)
-    covariance[:4, :4] = np.reshape(row["log_covariance"], (4, 4))
-    more = {
-        "parameters": f"{EFFECT}.k", "parameter_units": "W", "transforms": "log",
-        "parameter_values": IRON_W * np.exp(error), "parameter_sd": 0.01,
-        "log_mean": np.log(IRON_W) + error, "prior_mean": np.log(IRON_W), "prior_sd": 1.0,
-    }  # fmt: skip
-    more = {name: [*row[name], value] for name, value in more.items()}
-    return {**row, **more, "log_covariance": covariance.ravel().tolist()}
-
-
-def run_and_told(tmp_path, monkeypatch):
-    """Return the row of a small fleet; its table counts what it says."""
+@pytest.mark.slow
+def test_a_small_fleet_by_the_users_path(tmp_path, monkeypatch):
+    """The table counts what the row says."""
     monkeypatch.setattr("fleet_noise.NUM_NEXT", 4)
     monkeypatch.setattr("sys.argv", ["fleet_noise.py", "--seed", "700"])
     row = run({"seed": 700, "machines": 6, "workers": 1, "has_effect": True, "heat": 0.005})
@@ -100,18 +73,6 @@ def run_and_told(tmp_path, monkeypatch):
     assert f"({inside} of 24)" in found
     assert "of unmodelled_heat, types with 0.5 % of heat" in found
     assert "(4 of 4 fitted)" in found
-    return row
-
-
-def test_a_small_fleet_of_drawn_fits_becomes_a_table(tmp_path, monkeypatch):
-    """All of the study but the fits, of which there are three kinds: `make test-slow` has them."""
-    monkeypatch.setattr("heatrun.calibrate_fleet", drawn)
-    run_and_told(tmp_path, monkeypatch)
-
-
-@pytest.mark.slow
-def test_a_small_fleet_by_the_users_path(tmp_path, monkeypatch):
-    row = run_and_told(tmp_path, monkeypatch)
     # by its sisters a short test knows more
     sd = {how: np.mean([each["sd"] for each in row["next"][how]], axis=0)
           for how in ("alone", "sisters")}  # fmt: skip
