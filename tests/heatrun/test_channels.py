@@ -52,7 +52,7 @@ def test_ways_to_name_a_column(text, expected):
 def test_a_unit_that_only_the_motor_file_gives():
     found = mapped("P", columns={"losses_W": "P [kW]"}, value=1.5)
     assert found.channels["losses_W"][0] == 1500.0
-    assert found.findings == ()
+    assert found.findings == []
 
 
 def test_a_column_without_a_unit_is_noted():
@@ -113,9 +113,9 @@ def test_what_is_no_mean_is_not_taken_for_the_channel(name):
 
 def test_the_plain_name_comes_before_its_mean():
     found = mapped("winding_mean [degC]", "winding [degC]")
-    assert found.columns["winding_degC"] == "winding [degC]"
+    assert found.taken["winding_degC"].name == "winding [degC]"
     found = mapped("winding_min", "winding_mean [K]", "winding_max", value=293.15)
-    assert found.columns["winding_degC"] == "winding_mean [K]"
+    assert found.taken["winding_degC"].name == "winding_mean [K]"
     with pytest.raises(InputError, match="both stand for winding_degC"):
         mapped("winding_mean [degC]", "winding_avg [degC]")
 
@@ -285,7 +285,7 @@ def test_an_amplitude_that_is_read_as_rms_is_doubted():
     found = mapped("I_peak [A]", columns={"phase_current_A": "I_peak"})
     assert [finding.id for finding in found.findings] == ["current_maybe_amplitude"]
     found = mapped("I_peak", columns={"phase_current_A": "I_peak [A_peak]"})
-    assert found.findings == ()
+    assert found.findings == []
 
 
 def test_built_in_maps_name_channels_that_exist():

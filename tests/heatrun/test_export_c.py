@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from simulators import fmu_error, has_modelica, modelica_error, vectors_text
 from heatrun import cli
 from heatrun.errors import InputError
 from heatrun.export import export_source, mat_bytes, network_variables
-from heatrun.export.c_file import CSource, Missed, in_comment, links_of
+from heatrun.export.c_file import LAWS, CSource, Missed, in_comment, links_of
 from heatrun.export.network_course import read_network
 from heatrun.export.parameters import entries
 from heatrun.export.rerun import of_no_test, read_run_test
@@ -114,29 +115,29 @@ def replay(folder, made, *words):
     return float(difference)
 
 
+OF_LAWS = {"fan_cooling.g": 0.8, "ac_copper_loss.k": 0.3, "stray_load_loss.k": 60.0,
+           "iron_loss_in_winding.k": 25.0, "rotor_node.P": 60.0, "rotor_node.rise": 12.0,
+           "rotor_node.m": 0.9, "neighbour_body.C": 4000.0, "housing_node.x": 0.3,
+           "sensor_lag.tau": 20.0}  # fmt: skip
+
+alone = partial(pytest.param, marks=pytest.mark.slow)
+"""One law by itself; together they are in each run of the tests."""
+
+
 @needs_compiler
 @pytest.mark.parametrize(
     ("network", "effects", "values"),
     [
         ("first", (), {}),
-        ("second", (), {}),
         ("four", (), {}),
-        ("second", ("speed_cooling",), {}),
-        ("second", ("fan_cooling",), {"fan_cooling.g": 0.8}),
-        ("second", ("iron_loss_in_winding",), {"iron_loss_in_winding.k": 25.0}),
-        ("second", ("sensor_lag",), {"sensor_lag.tau": 20.0}),
-        ("second", ("ac_copper_loss", "iron_loss_in_winding"),
-         {"ac_copper_loss.k": 0.3, "iron_loss_in_winding.k": 25.0}),
-        ("second", ("stray_load_loss",), {"stray_load_loss.k": 60.0}),
-        ("second", ("rotor_node", "speed_cooling"),
-         {"rotor_node.P": 60.0, "rotor_node.rise": 12.0, "rotor_node.m": 0.9}),
-        ("second", ("neighbour_body", "housing_node"),
-         {"neighbour_body.C": 4000.0, "housing_node.x": 0.3}),
+        ("second", tuple(law for law in LAWS if law != "speed_loss"), OF_LAWS),
         (network_of_text(TWO_SINKS, "sinks.toml"), (),
          {"P_mechanical_n": 30.0, "P_mechanical_n2": 5.0}),
+        alone("second", (), {}),
+        *(alone("second", (law,), OF_LAWS) for law in LAWS if law != "speed_loss"),
+        alone("second", ("ac_copper_loss", "iron_loss_in_winding"), OF_LAWS),
     ],
-    ids=["first", "second", "four", "speed_cooling", "fan_cooling", "iron_loss", "sensor_lag",
-         "ac_copper", "stray", "rotor", "bodies", "two_sinks"],
+    ids=lambda value: "+".join(value) if isinstance(value, tuple) else None,
 )  # fmt: skip
 def test_it_is_as_lptn(tmp_path, two_hours, machine, network, effects, values):
     is_as_lptn(tmp_path, two_hours, machine, network, effects, values)
