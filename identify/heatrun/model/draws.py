@@ -178,7 +178,7 @@ class PlausibleEffects:
 def of_network(
     plausible: PlausibleEffects | None, draws: Float[np.ndarray, "draw ..."]
 ) -> Float[np.ndarray, "picked ..."]:
-    """Return the draws of the network alone, whose median is what is stated; all where there are
+    """Return the draws of the network alone, whose middle is what is stated; all where there are
     none such.
 
     A draw with an effect beside the network has parameters that say little without it.

@@ -180,10 +180,7 @@ def room_for_eddies(motor: Motor, tests: Sequence[Blocks]) -> float:
         return MOST_EDDIES
     copper = losses = 0.0
     for test in (each.winding for each in tests):
-        squared, watts = (
-            np.asarray(test.means[name]).reshape(test.weight.shape).mean(axis=1)
-            for name in ("current_squared", "losses")
-        )
+        squared, watts = (test.by_block(test.means[n]) for n in ("current_squared", "losses"))
         seen = np.isfinite(test.measured)
         loss = motor.copper_loss_W(np.sqrt(squared[seen]), test.measured[seen])
         copper, losses = copper + float(np.sum(loss)), losses + float(np.sum(watts[seen]))

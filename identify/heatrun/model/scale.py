@@ -195,7 +195,7 @@ def _stretches(test: Blocks, copper_ohm: float, num: int) -> Float[np.ndarray, "
     measured = np.where(test.is_observed, test.measured, np.nan)
     T, squared, loss, sink = (
         rows[:whole].reshape(-1, size).mean(axis=1)
-        for rows in (measured, _by_block(test.means["current_squared"], test), loss, sink)
+        for rows in (measured, test.by_block(test.means["current_squared"]), loss, sink)
     )
     slope, swing = ((e[2:] - e[:-2]) / (2.0 * size * test.block_s) for e in (T, squared))
     return np.stack([slope, swing, (T - sink)[1:-1], loss[1:-1]])
@@ -204,11 +204,7 @@ def _stretches(test: Blocks, copper_ohm: float, num: int) -> Float[np.ndarray, "
 def _drives(test: Blocks, copper_ohm: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the loss [W] and the sink [degC] of each block."""
     loss = test.means["losses"] + copper_ohm * test.means["current_squared"]
-    return _by_block(loss, test), _by_block(test.means["ambient"], test)
-
-
-def _by_block(values: np.ndarray, test: Blocks) -> np.ndarray:
-    return values.reshape(test.weight.shape).mean(axis=1)
+    return test.by_block(loss), test.by_block(test.means["ambient"])
 
 
 def scaled(form: NetworkForm, scale: Scale | None, masses: Masses) -> NetworkForm:

@@ -194,6 +194,10 @@ class Blocks:
         """Return rows with zeros where `Observation.padded` has more of them."""
         return with_more(np.asarray(rows), 1 + len(self.fitted), length_class(self.num_blocks), 0)
 
+    def by_block(self, steps: Float[np.ndarray, " step"]) -> Float[np.ndarray, " block"]:
+        """Return the means over the blocks of what is given over the steps; without bodies."""
+        return np.asarray(steps).reshape(self.weight.shape).mean(axis=1)
+
     def own(self, rows: Float[Any, "more ..."], axis: int = 0) -> Float[np.ndarray, "row ..."]:
         """Return rows of `Observation.padded` without those that were added.
 

@@ -168,7 +168,7 @@ def tested(tests: Sequence[Blocks]) -> Tested:
             values = corrected_losses(test) if name == "losses" else getattr(test.inputs, name)
             if values is None:
                 return None
-            rows.append(np.asarray(values).reshape(test.weight.shape).mean(axis=1))
+            rows.append(test.by_block(np.asarray(values)))
         return np.concatenate(rows)
 
     I2, losses, T0 = (np.asarray(means(n)) for n in ("current_squared", "losses", "ambient"))

@@ -93,7 +93,7 @@ def rates(
 
 
 def _with_winding_at(at: UnderLoad, winding: Float[Array, ""]) -> dict[str, Float[Array, ""]]:
-    """Return the steady temperatures that a winding at one would go with [degC]."""
+    """Return the temperatures at rest with the winding held at one [degC]."""
     held = steady_current(at.network, at.losses, at.drive, winding, effects=at.effects)
     return {node: jnp.where(jnp.isfinite(T), T, winding) for node, T in held.temperature.items()}
 

@@ -342,7 +342,7 @@ class Run:
         )
 
     def values(self, network: str | None = None) -> dict[str, float]:
-        """Return medians of the posterior and fixed values by name [their units]."""
+        """Return the stated and the fixed values by name [their units]."""
         model = self.result.models[self.choose(network)]
         entries = {**model.parameters, **model.nuisances}
         return {name: entry.value for name, entry in entries.items()}
