@@ -90,6 +90,8 @@ def too_short(record: Record, motor: Motor) -> Iterator[Finding]:
     factor of one and a half; a note below two. A record that settles shows a constant that is short
     against it, so nothing is said.
     """
+    if settling_constants(record, motor) >= ENOUGH_CONSTANTS:
+        return
     fit = quick_fit(record, motor)
     if fit is None:
         return
@@ -97,8 +99,7 @@ def too_short(record: Record, motor: Motor) -> Iterator[Finding]:
     from_s, to_s = float(time_s[max(lead_in(time_s, losses) - 1, 0)]), float(time_s[-1])
     constants = (to_s - from_s) / fit.tau_s
     is_short = constants < FEW_CONSTANTS or fit.log_sd > UNKNOWN_LOG_SD
-    is_enough = constants >= ENOUGH_CONSTANTS and not is_short
-    if is_enough or settling_constants(record, motor) >= ENOUGH_CONSTANTS:
+    if constants >= ENOUGH_CONSTANTS and not is_short:
         return
     lasts = f"{(to_s - from_s) / 60.0:.0f} min"
     if constants >= ENOUGH_CONSTANTS:

@@ -343,16 +343,21 @@ def solved(
     ridge = RIDGE + np.broadcast_to(penalty, (num,)) / size**2
     gram, moment = gram / scale + ridge[:, :, None] * np.eye(num), moment / size
     best = Solved(np.zeros_like(moment), np.full(total.size, np.inf), np.zeros_like(gram))
-    # the set of columns that leaves the least squares, of those with no coefficient below 0
+    # the set of columns that leaves the least squares, of those with no coefficient below 0; where
+    # all columns have none, that is all columns
+    open_points = np.arange(total.size)
     for used in product((1.0, 0.0), repeat=num_positive):
         mask = np.array([*used, *np.ones(num - num_positive)])
         both = np.outer(mask, mask)
-        inverse = np.linalg.inv(gram * both + np.diag(1.0 - mask)) * both
-        found = np.einsum("kij,kj->ki", inverse, moment)
-        squares = total - np.sum(found * moment, axis=1)
-        is_better = np.all(found[:, :num_positive] >= 0.0, axis=1) & (squares < best.squares)
+        inverse = np.linalg.inv(gram[open_points] * both + np.diag(1.0 - mask)) * both
+        found = (inverse @ moment[open_points, :, None])[:, :, 0]
+        squares = total[open_points] - np.sum(found * moment[open_points], axis=1)
+        is_right = np.all(found[:, :num_positive] >= 0.0, axis=1)
+        is_better = is_right & (squares < best.squares[open_points])
         for kept, new in zip(best, (found, squares, inverse), strict=True):
-            kept[is_better] = new[is_better]
+            kept[open_points[is_better]] = new[is_better]
+        if all(used):
+            open_points = open_points[~is_right]
     return Solved(best.solution / size, np.maximum(best.squares, 0.0), best.inverse / scale)
 
 

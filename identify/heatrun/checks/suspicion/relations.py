@@ -20,8 +20,9 @@ see whether a clock or a power is wrong by a factor of 60 or 1000, and for nothi
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -216,10 +217,26 @@ def conflicts(record: Record, motor: Motor, *, is_strict: bool = False) -> tuple
     return (
         *_length(record, is_strict),
         *_time_scale(record, motor, is_strict),
-        *_copper(record, motor, is_strict),
-        *power_conflicts(record, motor, is_strict),
-        *speed_conflicts(record, motor),
+        *_at_once(record, motor, is_strict),
     )
+
+
+def is_usual(record: Record, motor: Motor, left: Collection[str]) -> bool:
+    """Whether a record breaks no relation, strictly asked, but those of some ids.
+
+    The time scale, which takes a fit, is asked last.
+    """
+    of_all = chain(
+        _length(record, True), _at_once(record, motor, True), _time_scale(record, motor, True)
+    )
+    return all(conflict.id in left for conflict in of_all)
+
+
+def _at_once(record: Record, motor: Motor, is_strict: bool) -> Iterator[Conflict]:
+    """Relations that hold at each time."""
+    yield from _copper(record, motor, is_strict)
+    yield from power_conflicts(record, motor, is_strict)
+    yield from speed_conflicts(record, motor)
 
 
 def _length(record: Record, is_strict: bool) -> Iterator[Conflict]:

@@ -28,7 +28,7 @@ from ..sensor import falls_at_once, jumps_at_once
 from ..unexplained import unexplained_movement
 from ..units import ambient_implausible, units_temperature
 from .power_relations import Conflict
-from .relations import USUAL_BY_SIZE_S, conflicts, one_node, unsettled
+from .relations import USUAL_BY_SIZE_S, conflicts, is_usual, one_node, unsettled
 
 LEAST_FACTOR = 1.4
 """Units closer than this [1], such as foot-pounds and newton metres, are no matter of relations
@@ -344,14 +344,13 @@ def _mends(one: OtherReading, left: set[str], is_shown: bool, may_be_mild: bool)
     """
     if is_shown and one_node(one.record, one.motor) is None:
         return False
-    unusual = {c.id for c in conflicts(one.record, one.motor, is_strict=True)} - left
-    if unusual and not may_be_mild:
-        return False  # most suppositions end here: what is possible takes a fit
+    if not may_be_mild and not is_usual(one.record, one.motor, left):
+        return False  # most suppositions end here
     broken = conflicts(one.record, one.motor)
     mild = {c.id for c in broken if c.is_mild and may_be_mild}
     left_symptoms = OF_THE_SENSOR if "time_s" not in one.channels else frozenset()
     return not (
-        unusual - mild
+        (may_be_mild and not is_usual(one.record, one.motor, left | mild))
         or any(c.id not in mild for c in broken)
         or set(_symptoms(one.record, one.motor)) - left_symptoms
         or any(f.severity == "error" for f in units_temperature(one.record, one.motor))
