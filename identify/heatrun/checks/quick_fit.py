@@ -344,7 +344,7 @@ def solved(
     gram, moment = gram / scale + ridge[:, :, None] * np.eye(num), moment / size
     best = Solved(np.zeros_like(moment), np.full(total.size, np.inf), np.zeros_like(gram))
     # the set of columns that leaves the least squares, of those with no coefficient below 0; where
-    # all columns have none, that is all columns
+    # all columns are such a set, no other leaves less
     open_points = np.arange(total.size)
     for used in product((1.0, 0.0), repeat=num_positive):
         mask = np.array([*used, *np.ones(num - num_positive)])

@@ -168,7 +168,7 @@ def tested(tests: Sequence[Blocks]) -> Tested:
             values = corrected_losses(test) if name == "losses" else getattr(test.inputs, name)
             if values is None:
                 return None
-            rows.append(test.by_block(np.asarray(values)))
+            rows.append(test.by_block(values))
         return np.concatenate(rows)
 
     I2, losses, T0 = (np.asarray(means(n)) for n in ("current_squared", "losses", "ambient"))

@@ -221,15 +221,17 @@ def conflicts(record: Record, motor: Motor, *, is_strict: bool = False) -> tuple
     )
 
 
-def is_usual(record: Record, motor: Motor, left: Collection[str]) -> bool:
-    """Whether a record breaks no relation, strictly asked, but those of some ids.
+def holds(record: Record, motor: Motor, but: Collection[str], *, is_strict: bool = False) -> bool:
+    """Whether a record breaks no relation, as `conflicts`, but those of some ids.
 
     The time scale, which takes a fit, is asked last.
     """
     of_all = chain(
-        _length(record, True), _at_once(record, motor, True), _time_scale(record, motor, True)
+        _length(record, is_strict),
+        _at_once(record, motor, is_strict),
+        _time_scale(record, motor, is_strict),
     )
-    return all(conflict.id in left for conflict in of_all)
+    return all(conflict.id in but for conflict in of_all)
 
 
 def _at_once(record: Record, motor: Motor, is_strict: bool) -> Iterator[Conflict]:

@@ -28,7 +28,7 @@ from ..sensor import falls_at_once, jumps_at_once
 from ..unexplained import unexplained_movement
 from ..units import ambient_implausible, units_temperature
 from .power_relations import Conflict
-from .relations import USUAL_BY_SIZE_S, conflicts, is_usual, one_node, unsettled
+from .relations import USUAL_BY_SIZE_S, conflicts, holds, one_node, unsettled
 
 LEAST_FACTOR = 1.4
 """Units closer than this [1], such as foot-pounds and newton metres, are no matter of relations
@@ -342,18 +342,16 @@ def _mends(one: OtherReading, left: set[str], is_shown: bool, may_be_mild: bool)
     Where the record showed a time constant as it was read, it must still do so; what another kind
     of cooling explains may stay broken if it `may_be_mild`.
     """
-    if is_shown and one_node(one.record, one.motor) is None:
+    record, motor = one.record, one.motor
+    if is_shown and one_node(record, motor) is None:
         return False
-    if not may_be_mild and not is_usual(one.record, one.motor, left):
-        return False  # most suppositions end here
-    broken = conflicts(one.record, one.motor)
-    mild = {c.id for c in broken if c.is_mild and may_be_mild}
+    mild = {c.id for c in conflicts(record, motor) if c.is_mild} if may_be_mild else set[str]()
     left_symptoms = OF_THE_SENSOR if "time_s" not in one.channels else frozenset()
-    return not (
-        (may_be_mild and not is_usual(one.record, one.motor, left | mild))
-        or any(c.id not in mild for c in broken)
-        or set(_symptoms(one.record, one.motor)) - left_symptoms
-        or any(f.severity == "error" for f in units_temperature(one.record, one.motor))
+    return (
+        holds(record, motor, left | mild, is_strict=True)  # most suppositions end here
+        and holds(record, motor, mild)
+        and not set(_symptoms(record, motor)) - left_symptoms
+        and not any(f.severity == "error" for f in units_temperature(record, motor))
     )
 
 
