@@ -34,8 +34,8 @@ MOST_STEPS = 24_000
 """Steps of an ensemble after which it is given up, with a verdict that says so. After half of them
 it is, where the autocorrelation time says that the other half would not do."""
 
-NUM_KEPT, NUM_SPREAD = 4000, 2000
-"""Draws kept of the posterior, and of importance samples, which hold less than these."""
+NUM_KEPT = 2000
+"""Draws kept: the ensembles and the importance samples that are enough hold less than these."""
 
 Method = Literal["emcee", "importance", "normal"]
 Progress = Callable[[str, float], None]
@@ -227,5 +227,5 @@ def weighted_draws(fit: Fit, *, seed: int = 0) -> Posterior:
 
 
 def _of_weighted(fit: Fit, weighted: Weighted, seed: int) -> Posterior:
-    vectors, density = spread(fit, weighted, NUM_SPREAD, np.random.default_rng([seed, 1]))
+    vectors, density = spread(fit, weighted, NUM_KEPT, np.random.default_rng([seed, 1]))
     return Posterior(fit, vectors[None], density[None], "importance", weighted, None)
