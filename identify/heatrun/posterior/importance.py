@@ -16,10 +16,8 @@ from .rto import sample_rto
 from .weighted import Weighted, evaluate, truncated
 
 NUM_ADAPTATIONS = 5
-"""Most rounds in which the proposal is moved to the importance samples of the round before."""
-
-ENOUGH = 0.15
-"""Effective sample size over draws at which no further round is worth its time [1]."""
+"""Most rounds in which the proposal is moved to the importance samples of the round before; one
+that is sound gains little (`duty_90min`: effective sizes of 11, 14, 11, 13 % of the draws)."""
 
 
 def importance_sample(fit: Fit, *, seed: int = 0) -> Weighted:
@@ -62,7 +60,7 @@ def linear_sample(fit: Fit, *, num_draws: int = 4096, seed: int = 0) -> Weighted
     best = _weigh(fit, proposal, drawn)
     proposal = proposal.adapted(drawn, truncated(best.weights), rng)
     for _ in range(NUM_ADAPTATIONS):
-        if best.is_sound and best.effective_size > ENOUGH * num_draws:
+        if best.is_sound:
             break
         drawn = proposal.draw(num_draws, rng)
         weighted = _weigh(fit, proposal, drawn)
