@@ -159,9 +159,19 @@ def test_type_a_is_the_scatter_of_fits_to_drawn_readings(fitted):
 def test_an_optimum_counts_where_a_visible_share_of_the_posterior_lies(fitted, monkeypatch):
     masses = iter([0.0, -3.0, -6.0])  # 95 %, 4.7 % and 0.2 % of it
     monkeypatch.setattr(fit_module, "_log_mass", lambda *_: next(masses))
+    monkeypatch.setattr(fit_module, "_gain", lambda *_: 0.0)
     optima = [fitted.z, fitted.z + 1.0, fitted.z + 2.0]
     kept = fit_module.sharing(fitted.problem, fitted.noise_z, optima)
     assert np.array_equal(kept, np.stack(optima[:2]))
+
+
+def test_a_place_where_a_search_ran_out_of_steps_is_no_optimum(fitted, monkeypatch):
+    """Three standard deviations off along one direction: 4.5 nat by the linear model."""
+    width, ways = np.linalg.eigh(fitted.covariance[: fitted.z.size, : fitted.z.size])
+    off = fitted.z + 3.0 * np.sqrt(width[-1]) * ways[:, -1]
+    monkeypatch.setattr(fit_module, "_log_mass", lambda *_: 0.0)
+    kept = fit_module.sharing(fitted.problem, fitted.noise_z, [fitted.z, off])
+    assert np.array_equal(kept, fitted.z[None])
 
 
 def test_the_mass_around_an_optimum_is_that_of_the_linear_model(fitted):

@@ -253,12 +253,16 @@ class Search:
     def reached_K(self, effects: Set, z: np.ndarray) -> float:
         """Return the error that least squares under white noise reaches with a set [K].
 
+        From scores, or from the network alone where that is nearer: more effects explain no less.
+
         Args:
             effects: The set.
             z: Scores to start from.
         """
-        z = self.placed(z, effects)
-        found = self.engine.refit(z, self.free(effects), white(ROUGH_K), most=MOST_EVALUATIONS)
+        free, alone = self.free(effects), self.fitted[frozenset()].z
+        starts = [self.placed(each, effects) for each in (z, alone)]
+        nearest = min(starts, key=lambda each: self.engine.rms_K(self.engine.linearise(each, ())[0]))
+        found = self.engine.refit(nearest, free, white(ROUGH_K), most=MOST_EVALUATIONS)
         return self.engine.rms_K(found.residual)
 
     def core(self, member: Member) -> Member:

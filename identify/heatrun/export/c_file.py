@@ -360,7 +360,7 @@ class CSource:
             elif effect["id"] in MOVED:
                 place = nodes.index(effect.get("added", found["copper_node"]))
                 by_node["moved_W"][place] = q[MOVED[effect["id"]]]
-                by_node["moved_exponent"][place] = max(q["n"], 0.0)
+                by_node["moved_exponent"][place] = q["n"]
                 by_node["moved_by_load"][place] = q["m"]
             elif effect["id"] == "ac_copper_loss":
                 alone["ac_copper"] = q["k"]

@@ -532,8 +532,13 @@ def sharing(
 ) -> Float[np.ndarray, "mode parameter"]:
     """Return the first optimum, and those that hold a visible share of the posterior beside it, by
     the linear model around each.
+
+    Where a search ran out of steps on a slope, nothing is to be sampled around: from there the
+    linear model leads away.
     """
-    if len(optima) > 1:
+    others = [z for z in optima[1:] if _gain(problem, z, noise_z) < SAME_OPTIMUM]
+    optima = [optima[0], *others]
+    if others:
         mass = np.array(
             [
                 float(_log_mass(problem.data, noise_z, z, *map(problem.lengthened, found)))
@@ -542,8 +547,14 @@ def sharing(
             ]
         )
         is_kept = mass > np.logaddexp.reduce(mass) + np.log(VISIBLE)
-        optima = optima[:1] + [z for z, kept in zip(optima[1:], is_kept[1:], strict=True) if kept]
+        optima = optima[:1] + [z for z, kept in zip(others, is_kept[1:], strict=True) if kept]
     return np.stack(optima)
+
+
+def _gain(problem: Problem, z: np.ndarray, noise_z: np.ndarray) -> float:
+    """Return what the best step by the linear model gains [nat]."""
+    step, slope = _newton(problem, z, noise_z)
+    return 0.5 * float(slope @ step)
 
 
 _log_mass = compiled()(restricted_log_likelihood)

@@ -258,14 +258,14 @@ def at_load(
     Args:
         drive: Inputs.
         effect: Id of the effect, for the message.
-        exponent: n, of the speed; below 0 it counts as 0.
+        exponent: n, of the speed; positive.
         by_load: m, how far it goes with the squared current: 0 not at all, 1 in proportion. Where
             more than 1 would make it negative, there is none.
 
     Raises:
         ValueError: If there is no speed.
     """
-    speed = power(require(drive.speed, effect, "speed_rpm"), jnp.maximum(exponent, 0.0))
+    speed = power(require(drive.speed, effect, "speed_rpm"), exponent)
     return speed * jnp.maximum(1.0 + by_load * (drive.current_ratio_squared - 1.0), 0.0)
 
 

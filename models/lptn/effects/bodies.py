@@ -92,7 +92,7 @@ class RotorNode(NodeEffect, HeatEffect):
         P: Heat that arises in the rotor at rated speed and current, $P_r^*$ [W].
         rise: Of the rotor above the stator with that heat, $\Delta$ [K].
         tau: Time constant of the rotor against the stator [s].
-        n: Exponent of the speed, below 0 as 0: that of a cage [1].
+        n: Exponent of the speed, that of a cage nearly 0 [1].
         m: How far the heat goes with the squared current: 0 not at all, 1 in proportion [1].
         node: Node that it is tied to.
 
@@ -118,7 +118,7 @@ class RotorNode(NodeEffect, HeatEffect):
             "P": Quantity("W", 0.0, 1.0, 150.0, 40.0, "heat of the rotor at rated load and speed"),
             "rise": Quantity("K", None, 3.0, 60.0, 15.0, "rise of the rotor above the stator"),
             "tau": Quantity("s", None, 150.0, 4000.0, 900.0, "time constant of the rotor"),
-            "n": Quantity("1", None, -0.6, 2.6, 1.0, "exponent of the speed"),
+            "n": Quantity("1", None, 0.05, 2.6, 1.0, "exponent of the speed"),
             "m": Quantity("1", None, -0.3, 1.5, 0.6, "how far its heat goes with the load"),
         },
     )

@@ -70,7 +70,7 @@ typedef struct {
     heatrun_real speed_loss_W[HEATRUN_NUM_NODES];   /* at 1000 rpm */
     heatrun_real speed_squared_loss_W[HEATRUN_NUM_NODES];
     heatrun_real moved_W[HEATRUN_NUM_NODES];        /* of them, at the rated speed and current */
-    heatrun_real moved_exponent[HEATRUN_NUM_NODES]; /* of the speed, not below 0 */
+    heatrun_real moved_exponent[HEATRUN_NUM_NODES]; /* of the speed */
     heatrun_real moved_by_load[HEATRUN_NUM_NODES];  /* how far with the squared current [1] */
     heatrun_real ac_copper;                         /* more copper loss at the rated speed [1] */
     heatrun_real stray_W;                           /* at the rated speed and current */
