@@ -35,6 +35,17 @@ EFFECTS = ("radiation.eA", "natural_convection.f|n=0.29", "speed_cooling.g|m=0.7
 NUM_P = len(PARAMETERS)
 
 
+def prior_sd(id):
+    """Half the reach of an effect's amplitude [its unit]."""
+    kind = next(kind for kind in EFFECTS_OF_CATALOGUE if kind.card.id == id)
+    quantity = next(q for q in kind.card.parameters.values() if q.null is not None)
+    null = quantity.null or 0.0
+    return 0.5 * max(quantity.high - null, null - quantity.low)
+
+
+SCALE = np.array([prior_sd(each.partition(".")[0]) for each in EFFECTS])
+
+
 def information(seed=0):
     """What one machine's tests say: 40 whitened blocks; loss_gain is nearly the power meter."""
     rng = np.random.default_rng([125, seed])
@@ -60,7 +71,7 @@ def machines(num, seed, shared=None, effect=None, size=0.0, spread=0.2):
         if effect is not None:
             own[NUM_P + EFFECTS.index(effect)] = size * (1.0 + spread * rng.standard_normal())
         score = L @ own + np.exp(0.3 * rng.standard_normal()) * root @ rng.standard_normal(len(L))
-        evidence.append(Evidence(PARAMETERS, EFFECTS, score, L, np.full(len(EFFECTS), 0.3)))
+        evidence.append(Evidence(PARAMETERS, EFFECTS, SCALE, score, L, np.full(len(EFFECTS), 0.3)))
     return [f"M{i}" for i in range(num)], evidence
 
 
@@ -138,8 +149,8 @@ def test_machines_may_differ_in_tests_and_channels():
     names, evidence = machines(40, 3, effect="contact_drift.d", size=0.6)
     keep = [0, 1, 2, *(NUM_P + i for i in (0, 3, 5))]  # no second start, three effects alone
     short = [
-        Evidence(PARAMETERS[:3], tuple(EFFECTS[i] for i in (0, 3, 5)), e.score[keep],
-                 e.information[np.ix_(keep, keep)], e.visible_K[[0, 3, 5]])
+        Evidence(PARAMETERS[:3], tuple(EFFECTS[i] for i in (0, 3, 5)), SCALE[[0, 3, 5]],
+                 e.score[keep], e.information[np.ix_(keep, keep)], e.visible_K[[0, 3, 5]])
         for e in evidence[:15]
     ]  # fmt: skip
     whole = pool(names, [*short, *evidence[15:]])
@@ -149,6 +160,27 @@ def test_machines_may_differ_in_tests_and_channels():
     counts = {each.id: each.num_machines for each in result.screened}
     assert counts["contact_drift"] == 40
     assert counts["speed_cooling"] == 25
+
+
+def test_machines_of_other_sizes_speak_of_one_amplitude():
+    """What twice as large a machine says of a score is as much as half of it says elsewhere."""
+    names, evidence = machines(40, 3, effect="contact_drift.d", size=0.6)
+
+    def twice(each):
+        shrunk = np.ones(each.score.size)
+        shrunk[NUM_P:] = 2.0
+        longer = tuple(label.replace("m=0.75", "m=1.5") for label in each.effects)
+        return replace(
+            each, effects=longer, scale=2.0 * each.scale, score=shrunk * each.score,
+            information=shrunk[:, None] * each.information * shrunk, visible_K=2.0 * each.visible_K,
+        )  # fmt: skip
+
+    alike = pool(names, evidence)
+    mixed = pool(names, [*evidence[:25], *map(twice, evidence[25:])])
+    assert mixed.effects == alike.effects
+    assert mixed.score == pytest.approx(alike.score)
+    assert mixed.information == pytest.approx(alike.information)
+    assert mixed.visible_K == pytest.approx(alike.visible_K)
 
 
 def rows_of(type, names, evidence):
@@ -192,14 +224,6 @@ def test_the_result_holds_to_its_schema_and_reads_as_words(tmp_path):
     assert "Type B: No effect that matters is shared by the 29 machines" in text
     assert "without AM0 (the fit did not converge)" in text
     assert "what would tell: a cool-down at standstill" in text
-
-
-def prior_sd(id):
-    """Half the reach of an effect's amplitude [its unit]."""
-    kind = next(kind for kind in EFFECTS_OF_CATALOGUE if kind.card.id == id)
-    quantity = next(q for q in kind.card.parameters.values() if q.null is not None)
-    null = quantity.null or 0.0
-    return 0.5 * max(quantity.high - null, null - quantity.low)
 
 
 def test_a_fleet_that_is_told_to_discover_keeps_what_its_tests_say(tmp_path, capsys):

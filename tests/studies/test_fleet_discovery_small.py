@@ -65,16 +65,15 @@ def test_the_fleet_without_an_effect_keeps_the_balance_of_heat():
     assert left + kept == pytest.approx(heat, rel=2e-3)
 
 
-@pytest.mark.slow
 def test_an_effect_in_all_machines_is_named_by_the_command(tmp_path, capsys):
-    amplitude = amplitude_of("rotor_node", 0.25)
-    drawn = fleet(12, 129_500, "rotor_node", amplitude)
+    amplitude = amplitude_of("natural_convection", 0.25)
+    drawn = fleet(12, 129_500, "natural_convection", amplitude)
     path = write(drawn, tmp_path / "bench")
     words = ["fleet", str(path), "--discover", "--workers", "0", "--out", str(tmp_path / "out")]
     assert cli.main(words) == 0
     (found,) = read_discovery(tmp_path / "out").types
     assert found.num_machines == 12
     names = {found.effects[0].id, *found.effects[0].equivalents}
-    assert "rotor_node" in names
+    assert "natural_convection" in names
     assert 0.1 < found.effects[0].visible_K.value < 0.5
     assert "Type A: The 12 machines share" in capsys.readouterr().out

@@ -261,7 +261,8 @@ class Search:
         """
         free, alone = self.free(effects), self.fitted[frozenset()].z
         starts = [self.placed(each, effects) for each in (z, alone)]
-        nearest = min(starts, key=lambda each: self.engine.rms_K(self.engine.linearise(each, ())[0]))
+        off_K = [self.engine.rms_K(self.engine.linearise(each, ())[0]) for each in starts]
+        nearest = starts[int(np.argmin(off_K))]
         found = self.engine.refit(nearest, free, white(ROUGH_K), most=MOST_EVALUATIONS)
         return self.engine.rms_K(found.residual)
 

@@ -16,6 +16,7 @@ COLUMNS: tuple[Column, ...] = (
      "told from, tests by number in brackets"),
     ("effects", "list of text", "", "likewise: effects that the tests could show, each with a "
      "setting of its shape"),
+    ("effect_scale", LIST, "", "amplitude of each effect at a score of 1, in its own unit"),
     ("effect_score", LIST, "1", "derivative of the log likelihood by the scores of "
      "effect_parameters, then of effects"),
     ("effect_information", LIST, "1", "its precision: upper triangle, row by row"),
@@ -34,6 +35,7 @@ def effect_columns(evidence: Evidence) -> dict[str, Any]:
     return {
         "effect_parameters": list(evidence.parameters),
         "effects": list(evidence.effects),
+        "effect_scale": evidence.scale.tolist(),
         "effect_score": evidence.score.tolist(),
         "effect_information": packed(evidence.information),
         "effect_visible_K": evidence.visible_K.tolist(),
@@ -52,6 +54,7 @@ def evidence_in(row: Mapping[str, Any]) -> Evidence | None:
     return Evidence(
         parameters=tuple(row["effect_parameters"]),
         effects=tuple(row["effects"]),
+        scale=np.asarray(row["effect_scale"], dtype=float),
         score=score,
         information=unpacked(row["effect_information"], score.size),
         visible_K=np.asarray(row["effect_visible_K"], dtype=float),

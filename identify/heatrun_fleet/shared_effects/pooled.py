@@ -36,7 +36,7 @@ could mimic, is in them; so is how far errors that all machines share would move
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,6 +60,7 @@ class Evidence:
     Attributes:
         parameters: Names of the free parameters; tests stand by number in brackets.
         effects: Amplitudes, each with the setting of its shape behind a bar.
+        scale: Of each effect, its amplitude at a score of one in a machine of this size.
         score: Derivative of the log likelihood by the parameters' shared scores, then by the
             effects' scores, where all are zero, shape (all,).
         information: Its precision, shape (all, all).
@@ -69,6 +70,7 @@ class Evidence:
 
     parameters: tuple[str, ...]
     effects: tuple[str, ...]
+    scale: Float[np.ndarray, " effect"]
     score: Float[np.ndarray, " all"]
     information: Float[np.ndarray, "all all"]
     visible_K: Float[np.ndarray, " effect"]
@@ -89,7 +91,7 @@ def evidence_of(fit: Fit) -> Evidence:
         engine = engine.with_heat(problem.heat)
     engine = engine.with_loggers(problem.loggers)
     z, _ = placed(engine, fit)
-    labels, columns = _signatures(engine, z)
+    labels, scale, columns = _signatures(engine, np.nan_to_num(z))
     jacobian, residual = np.concatenate(fit.jacobian), np.concatenate(fit.residual)
     num = jacobian.shape[1]
     stacked = np.column_stack([residual, jacobian, columns])
@@ -110,14 +112,17 @@ def evidence_of(fit: Fit) -> Evidence:
     return Evidence(
         parameters=names,
         effects=tuple(labels),
+        scale=np.array(scale),
         score=score,
         information=0.5 * (information + information.T),
         visible_K=np.sqrt(np.mean(left**2, axis=0)),
     )
 
 
-def _signatures(engine: Engine, z: np.ndarray) -> tuple[list[str], np.ndarray]:
-    """Return label and derivative [K per score] of each amplitude at each setting of its shape."""
+def _signatures(engine: Engine, z: np.ndarray) -> tuple[list[str], list[float], np.ndarray]:
+    """Return label, scale and derivative [K per score] of each amplitude at each setting of its
+    shape, all amplitudes at their null.
+    """
     by_kind = []
     for kind in engine.kinds.values():
         if engine.find(qualified(kind, amplitudes(kind)[0])) is None:
@@ -128,6 +133,7 @@ def _signatures(engine: Engine, z: np.ndarray) -> tuple[list[str], np.ndarray]:
         shape = {name: slot for name, slot in free.items() if name not in strong}
         by_kind.append((kind, [n for n in free if n in strong], free, shape))
     labels: list[str] = []
+    scales: list[float] = []
     columns: list[np.ndarray] = []
     for number, setting in enumerate(SETTINGS):
         at = z.copy()
@@ -137,19 +143,13 @@ def _signatures(engine: Engine, z: np.ndarray) -> tuple[list[str], np.ndarray]:
         order = [free[name] for _, strong, free, _ in tried for name in strong]
         _, slopes = engine.linearise(at, order)
         for kind, strong, free, shape in tried:
-            said = _setting(engine, shape, at)
+            values = {name: float(engine.slots[slot].parameter.value(at[slot]))
+                      for name, slot in shape.items()}  # fmt: skip
             for name in strong:
-                labels.append(qualified(kind, name) + said)
+                labels.append(_label(qualified(kind, name), values))
+                scales.append(engine.slots[free[name]].parameter.sd)
                 columns.append(slopes[:, order.index(free[name])])
-    return labels, np.stack(columns, axis=1)
-
-
-def _setting(engine: Engine, shape: dict[str, int], z: np.ndarray) -> str:
-    values = [
-        f"{name}={float(engine.slots[slot].parameter.value(z[slot])):.3g}"
-        for name, slot in shape.items()
-    ]
-    return f"|{','.join(values)}" if values else ""
+    return labels, scales, np.stack(columns, axis=1)
 
 
 CLIP = 3.0
@@ -174,6 +174,7 @@ class Pool:
         machines: Name of each.
         parameters: Shared parameters.
         effects: Amplitudes, each with the setting of its shape.
+        scale: Of each effect, its amplitude at a score of one.
         score: As `Evidence`, shape (machine, all); zero for what a machine does not have.
         information: Likewise, shape (machine, all, all).
         visible_K: Shape (machine, effect); not a number where a machine could not show it.
@@ -182,6 +183,7 @@ class Pool:
     machines: tuple[str, ...]
     parameters: tuple[str, ...]
     effects: tuple[str, ...]
+    scale: Float[np.ndarray, " effect"]
     score: Float[np.ndarray, "machine all"]
     information: Float[np.ndarray, "machine all all"]
     visible_K: Float[np.ndarray, "machine effect"]
@@ -193,24 +195,61 @@ class Pool:
 
 
 def pool(machines: Sequence[str], evidence: Sequence[Evidence]) -> Pool:
-    """Return the evidence of machines in one order.
+    """Return the evidence of machines in one order, effects as large as in the median machine.
+
+    What is usual of an effect goes with the size of a machine, of which the tests of each give
+    another estimate. So one setting has values that differ a little from machine to machine.
 
     Args:
         machines: Name of each.
         evidence: Of each.
     """
     parameters = tuple(dict.fromkeys(name for each in evidence for name in each.parameters))
-    effects = tuple(dict.fromkeys(name for each in evidence for name in each.effects))
+    own = [_numbered(each.effects) for each in evidence]
+    effects = tuple(dict.fromkeys(setting for each in own for setting in each))
+    found: dict[tuple[str, int], list[tuple[str, float]]] = {each: [] for each in effects}
+    for each, settings in zip(evidence, own, strict=True):
+        for setting, label, scale in zip(settings, each.effects, each.scale, strict=True):
+            found[setting].append((label, float(scale)))
+    labels = tuple(_median_label([label for label, _ in found[each]]) for each in effects)
+    scale = np.array([np.median([scale for _, scale in found[each]]) for each in effects])
     place = {name: i for i, name in enumerate((*parameters, *effects))}
     size, num = len(place), len(evidence)
     score, information = np.zeros((num, size)), np.zeros((num, size, size))
     visible = np.full((num, len(effects)), np.nan)
-    for row, each in enumerate(evidence):
-        at = [place[name] for name in (*each.parameters, *each.effects)]
-        score[row, at] = each.score
-        information[row][np.ix_(at, at)] = each.information
-        visible[row, [place[name] - len(parameters) for name in each.effects]] = each.visible_K
-    return Pool(tuple(machines), parameters, effects, score, information, visible)
+    for row, (each, settings) in enumerate(zip(evidence, own, strict=True)):
+        at = [place[name] for name in (*each.parameters, *settings)]
+        of_effects = [place[name] - len(parameters) for name in settings]
+        larger = scale[of_effects] / each.scale
+        factor = np.concatenate([np.ones(len(each.parameters)), larger])
+        score[row, at] = factor * each.score
+        information[row][np.ix_(at, at)] = factor[:, None] * each.information * factor
+        visible[row, of_effects] = larger * each.visible_K
+    return Pool(tuple(machines), parameters, labels, scale, score, information, visible)
+
+
+def _numbered(labels: Sequence[str]) -> list[tuple[str, int]]:
+    """Return the amplitude of each label, and which of its settings it is."""
+    amplitudes = [label.partition("|")[0] for label in labels]
+    return [(name, amplitudes[:place].count(name)) for place, name in enumerate(amplitudes)]
+
+
+def _median_label(labels: Sequence[str]) -> str:
+    """Return the label whose values are the medians of those of labels of one setting."""
+    shapes = [shape_of(label) for label in labels]
+    values = {name: float(np.median([each[name] for each in shapes])) for name in shapes[0]}
+    return _label(labels[0].partition("|")[0], values)
+
+
+def _label(amplitude: str, shape: Mapping[str, float]) -> str:
+    said = ",".join(f"{name}={value:.3g}" for name, value in shape.items())
+    return f"{amplitude}|{said}" if said else amplitude
+
+
+def shape_of(label: str) -> dict[str, float]:
+    """Return the values of shape parameters in a label such as `"natural_convection.f|n=0.29"`."""
+    said = [each.partition("=") for each in label.partition("|")[2].split(",") if each]
+    return {name: float(value) for name, _, value in said}
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 from heatrun.model.parameters import effect_parameters
 from lptn.effects import AbstractEffect, Quantity
 
-from .pooled import CLIP, FREE, Pool, Tested, largest_by_chance, one_sided, score_test
+from .pooled import CLIP, FREE, Pool, Tested, largest_by_chance, one_sided, score_test, shape_of
 
 BEYOND = 1.5
 """Largest plausible amplitude over that of the catalogue [1]."""
@@ -39,19 +39,23 @@ class Column:
     scale: float
 
     @classmethod
-    def of(cls, label: str, catalogue: Mapping[str, type[AbstractEffect]]) -> Column:
+    def of(cls, label: str, scale: float, catalogue: Mapping[str, type[AbstractEffect]]) -> Column:
         """Return what a label of `Evidence.effects` stands for.
 
         Args:
             label: Such as `"natural_convection.f|n=0.29"`.
+            scale: Amplitude at a score of one in a machine of this size [its unit].
             catalogue: Effects by id.
         """
-        name, _, said = label.partition("|")
+        name = label.partition("|")[0]
         id, _, parameter = name.partition(".")
         kind = catalogue[id]
-        shape = {n: float(v) for n, _, v in (s.partition("=") for s in said.split(",") if s)}
         own = next(p for p in effect_parameters([kind], 1.0, [kind]) if p.name == name)
-        return cls(kind, parameter, shape, kind.card.parameters[parameter], own.sd)
+        usual, larger = kind.card.parameters[parameter], scale / own.sd
+        null = usual.null or 0.0
+        low, high = (null + larger * (end - null) for end in (usual.low, usual.high))
+        quantity = usual._replace(low=low, high=high)
+        return cls(kind, parameter, shape_of(label), quantity, scale)
 
     @property
     def id(self) -> str:
@@ -134,7 +138,7 @@ class Round:
         score, gain = self.scores(), self.gain()
         seen = [
             place for place, column in enumerate(self.columns)
-            if self.strength[place] >= self.critical and column.is_plausible(score[place])
+            if 0.0 < self.strength[place] >= self.critical and column.is_plausible(score[place])
             and column.id not in known
         ]  # fmt: skip
         return sorted(seen, key=lambda place: -gain[place])

@@ -57,7 +57,10 @@ def search(pool: Pool, instruments: Sequence[str], level: float, seed: int = 0) 
         seed: Of the flipped signs.
     """
     catalogue = {kind.card.id: kind for kind in all_effects()}
-    columns = [Column.of(name, catalogue) for name in pool.effects]
+    columns = [
+        Column.of(name, scale, catalogue)
+        for name, scale in zip(pool.effects, pool.scale.tolist(), strict=True)
+    ]
     both = np.array([each.is_two_sided for each in columns])
     is_instrument = np.array([name in instruments for name in pool.parameters])
     stated = np.ones(pool.num_parameters)
