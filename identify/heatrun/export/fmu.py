@@ -42,7 +42,7 @@ UNITS: Mapping[str, Mapping[str, str]] = {
 }
 """Exponents of the base units, factor and offset of each unit; `"1"` is none."""
 
-SETS = ("lower_2.5_percent", "median", "upper_97.5_percent")
+SETS = ("lower_2.5_percent", "stated", "upper_97.5_percent")
 
 SSV = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
 SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
