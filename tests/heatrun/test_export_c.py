@@ -118,6 +118,7 @@ def replay(folder, made, *words):
 OF_LAWS = {"fan_cooling.g": 0.8, "ac_copper_loss.k": 0.3, "stray_load_loss.k": 60.0,
            "iron_loss_in_winding.k": 25.0, "rotor_node.P": 60.0, "rotor_node.rise": 12.0,
            "rotor_node.m": 0.9, "neighbour_body.C": 4000.0, "housing_node.x": 0.3,
+           "end_winding_node.f": 0.4, "end_winding_node.p": 0.3,
            "sensor_lag.tau": 20.0}  # fmt: skip
 
 alone = partial(pytest.param, marks=pytest.mark.slow)
@@ -165,7 +166,7 @@ def is_as_lptn(folder, record, machine, network, effects, values):
 def every_law(half_hour, machine, tmp_path_factory):
     """A folder with the source that holds all laws, and two sinks."""
     laws = ("speed_cooling", "fan_cooling", "ac_copper_loss", "stray_load_loss",
-            "iron_loss_in_winding", "rotor_node", "sensor_lag")  # fmt: skip
+            "iron_loss_in_winding", "rotor_node", "end_winding_node", "sensor_lag")  # fmt: skip
     values = {"fan_cooling.g": 0.8, "ac_copper_loss.k": 0.3, "stray_load_loss.k": 60.0,
               "iron_loss_in_winding.k": 25.0, "sensor_lag.tau": 20.0,
               "P_mechanical_n": 30.0, "P_mechanical_n2": 5.0}  # fmt: skip
@@ -381,6 +382,40 @@ def test_a_lag_that_the_run_knows_is_no_fault(tmp_path, steady, machine):
     assert np.all(np.abs(T - course)[900:] < 3.0 * sd[900:])
     _, _, _, sensor = observed(tmp_path, source(steady, machine), 57.0, 5.0, rows)
     assert sensor.any(), "one that is not known is"
+
+
+@needs_compiler
+@pytest.mark.parametrize("lag_s", [0.0, 15.0], ids=["at once", "lagging"])
+def test_a_sensor_between_slots_and_overhang_is_read_as_such(tmp_path, steady, machine, lag_s):
+    """By Euler steps of 0.1 s: 40 % of the winding is overhang, 30 s behind, half of it read."""
+    f, tau, p, v, k = 0.4, 30.0, 0.5, VALUES, 3 * VALUES["Rs0"] / (234.5 + 25.0)
+    rng, T, course, rows = np.random.default_rng(8), np.array([60.0, 55.0, 60.0]), [], []
+    for second in range(2700):
+        current, loss = (220.0, 1100.0) if (second // 600) % 2 == 0 else (60.0, 150.0)
+        for _ in range(10):
+            copper = k * current**2 * (234.5 + T[0])
+            across, hers = (T[0] - T[1]) / v["Req_w"], f * v["Ceq_w"] * (T[2] - T[0]) / tau
+            heat = [(1.0 - f) * copper - across + hers,
+                    loss - copper + across - (T[1] - 20.0) / v["Req_sr"], f * copper - hers]
+            T = T + 0.1 * np.array(heat) / [(1.0 - f) * v["Ceq_w"], v["Ceq_sr"], f * v["Ceq_w"]]
+        course.append(T)
+        rows.append([current, loss, 20.0, T[0] + p * (T[2] - T[0])])
+    course, rows = np.array(course), np.array(rows)
+    assert np.max(np.abs(course[:, 2] - course[:, 0])) > 5.0
+    if lag_s:
+        rows[:, 3] = through_a_lag(rows[:, 3], lag_s)
+    rows[:, 3] += rng.normal(0.0, 0.13, len(rows))
+    laws = ("end_winding_node", *(["sensor_lag"] if lag_s else []))
+    values = {"end_winding_node.f": f, "end_winding_node.tau": tau, "end_winding_node.p": p,
+              "sensor_lag.tau": lag_s}  # fmt: skip
+    own = {name: value for name, value in values.items() if name.startswith(laws)}
+    made = source(steady, machine, "second", laws, **own)
+    T, sd, _, sensor = observed(tmp_path, made, 58.0, 5.0, rows)
+    assert not sensor.any()
+    assert np.all(np.abs(T - course)[900:] < 3.0 * sd[900:])
+    at_its_node = source(steady, machine)
+    T, sd, _, _ = observed(tmp_path, at_its_node, 58.0, 5.0, rows)
+    assert np.any(np.abs(T - course[:, :2])[900:] > 3.0 * sd[900:]), "without it, it is not"
 
 
 @needs_compiler

@@ -33,6 +33,8 @@ STUDIES = {
     "discovery": Study("hidden causes named by `heatrun discover`", "2.5",
         ("tests/studies/discovery.py --clean 72 --unknown 32 --pairs 32",
          "tests/studies/discovery_time.py")),
+    "evidence": Study("Laplace's evidence of effects against importance sampling", "0.5",
+        ("tests/studies/evidence.py",)),
     "exam": Study("the public set \"Electric Motor Temperature\": FILE=measures_v2.csv, TRAIN=24 "
         "or all", "1 to 12", ("tests/studies/exam.py",)),
     "faults": Study("commands killed, on full disks, short of memory", "1.5",

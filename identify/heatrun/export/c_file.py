@@ -13,6 +13,7 @@ from string import Template
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 from scipy.optimize import nnls
 
 from ..errors import InputError
@@ -35,8 +36,8 @@ MOVED = {"iron_loss_in_winding": "k", "rotor_node": "P"}
 """Effects that move heat out of the other losses, and the parameter that says how much [W]."""
 
 LAWS = ("speed_cooling", "fan_cooling", "ac_copper_loss", *MOVED, "neighbour_body", "housing_node",
-        "stray_load_loss", "speed_loss", "sensor_lag")  # fmt: skip
-"""Effects whose laws the source holds; that of the sensor is in the observer."""
+        "end_winding_node", "stray_load_loss", "speed_loss", "sensor_lag")  # fmt: skip
+"""Effects whose laws the source holds; what they do to the reading is in the observer."""
 
 BY_SPEED = {"speed_cooling", "ac_copper_loss", *MOVED, "stray_load_loss", "speed_loss"}
 """Those that take the speed."""
@@ -234,7 +235,7 @@ class CSource:
     @property
     def num_states(self) -> int:
         """Number of states of an observer."""
-        return len(self.nodes) + len(self.heated) + 4 + (self.lag_s > 0.0)
+        return len(self.nodes) + len(self.heated) + 4 + self.is_apart
 
     @property
     def lag_s(self) -> float:
@@ -242,6 +243,23 @@ class CSource:
         effects = np.atleast_1d(self.found["effects"])
         return sum(float(each["parameters"]["tau"]) for each in effects
                    if each["id"] == "sensor_lag")  # fmt: skip
+
+    @property
+    def reading(self) -> Float[np.ndarray, " node"]:
+        """Part of each node's temperature in that of the sensor's place [1]."""
+        parts = np.zeros(len(self.nodes))
+        parts[self.nodes.index(self.found["sensor"]["node"])] = 1.0
+        for effect in np.atleast_1d(self.found["effects"]):
+            if effect["id"] == "end_winding_node":
+                moved = float(effect["parameters"]["p"])
+                parts[self.nodes.index(effect["added"])] += moved
+                parts[self.nodes.index("winding")] -= moved
+        return parts
+
+    @property
+    def is_apart(self) -> bool:
+        """Whether what the sensor shows is not the temperature of a node."""
+        return self.lag_s > 0.0 or np.count_nonzero(self.reading) > 1
 
     @property
     def has_observer(self) -> bool:
@@ -348,7 +366,7 @@ class CSource:
         by_link = {name: np.zeros(len(links)) for name in ("speed_gain", "speed_exponent",
                                                            "fan_gain")}  # fmt: skip
         by_node = {name: np.zeros(len(nodes)) for name in ("speed_loss_W", "speed_squared_loss_W",
-                   "moved_W", "moved_exponent", "moved_by_load")}  # fmt: skip
+                   "moved_W", "moved_exponent", "moved_by_load", "copper_moved")}  # fmt: skip
         alone = dict.fromkeys(("ac_copper", "stray_W"), 0.0)
         for effect in np.atleast_1d(found["effects"]):
             q = effect["parameters"]
@@ -362,6 +380,8 @@ class CSource:
                 by_node["moved_W"][place] = q[MOVED[effect["id"]]]
                 by_node["moved_exponent"][place] = q["n"]
                 by_node["moved_by_load"][place] = q["m"]
+            elif effect["id"] == "end_winding_node":
+                by_node["copper_moved"][nodes.index(effect["added"])] = q["f"]
             elif effect["id"] == "ac_copper_loss":
                 alone["ac_copper"] = q["k"]
             elif effect["id"] == "stray_load_loss":
@@ -418,7 +438,8 @@ class CSource:
             "reading_sd": f"{white:.6g}",
             "slow_sd": f"{missed.slow_K:.6g}",
             "slow_decay": repr(math.exp(-self.step / missed.slow_s)),
-            "has_lag": str(int(self.lag_s > 0.0)),
+            "has_lag": str(int(self.is_apart)),
+            "reading": _reals(self.reading),
             "lag_decay": repr(keep),
             "lag_mean": repr(self.lag_s / self.step * (1.0 - keep)),
             "sensor_sd": f"{missed.sensor_K:.6g}",

@@ -48,7 +48,7 @@ def modelica(source: CSource, parameters: Sequence[Entry]) -> bytes:
     plain = dict(zip([*nodes, *sinks], unique([*nodes, *sinks], (), "_"), strict=True))
     inputs = [INPUTS[each] for each in source.inputs]
     resistors = list(unique((f"R_{plain[a]}_{plain[b]}" for a, b in links), (), "_"))
-    taken = {*KEYWORDS, *inputs, *resistors, "i", "s", "copper_W", "other_W", "stray_W"}
+    taken = {*KEYWORDS, *inputs, *resistors, "i", "s", "copper_W", "direct_W", "other_W", "stray_W"}
     for each in plain.values():
         taken |= {f"C_{each}", f"P_{each}", f"T_{each}", f"{each}_degC", f"{each}_start_degC",
                   f"moved_{each}_W"}  # fmt: skip
@@ -136,6 +136,7 @@ def _heats(
     copper = "0"
     if Rs0:
         copper = f"{phases:g}*{Rs0}*current_A^2*({B!r} + {plain[copper_node]}_degC)/{B + T!r}"
+    direct = copper
     if ac:
         copper += f"*(1 + {ac}*s^2)"
     equations = []
@@ -147,6 +148,9 @@ def _heats(
         equations.append(f"stray_W = {stray}*i^2*s^1.5")
         copper += " + stray_W" if is_balance else ""
     equations.append(f"copper_W = {copper}")
+    overhangs = {i: name for (member, i), name in by_place.items() if member == "copper_moved"}
+    if overhangs:
+        equations.append(f"direct_W = {direct}")
     by_speed = {}
     for i, node in enumerate(nodes):
         terms = [
@@ -171,7 +175,9 @@ def _heats(
         part = by_place.get(("share", i), repr(float(share)))
         terms = [] if part == "0.0" else [shared if part == "1.0" else f"{part}*{shared}"]
         if node == copper_node:
-            terms.append("copper_W")
+            terms += ["copper_W", *(f"(-{share}*direct_W)" for share in overhangs.values())]
+        if i in overhangs:
+            terms.append(f"{overhangs[i]}*direct_W")
         terms += [each for each in (by_speed[node], moved.get(node)) if each]
         equations.append(f"P_{plain[node]}.Q_flow = {' + '.join(terms) or '0'}")
     return equations

@@ -18,6 +18,7 @@ OF_EFFECTS = {
     "moved_W": ("moved_loss.{0}.P", "W", "loss that heats {0} at the rated speed and current"),
     "moved_exponent": ("moved_loss.{0}.n", "1", "exponent of the speed in it"),
     "moved_by_load": ("moved_loss.{0}.m", "1", "how far it goes with the squared current"),
+    "copper_moved": ("end_winding.f", "1", "share of the copper loss that heats {0}"),
     "ac_copper": ("ac_copper_loss.k", "1", "more copper loss at the rated speed"),
     "stray_W": ("stray_load_loss.k", "W", "stray loss at the rated speed and current"),
     "speed_loss_W": ("speed_loss.{0}.linear", "W", "loss of {0} at 1000 rpm by the speed"),

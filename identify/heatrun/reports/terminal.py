@@ -290,8 +290,6 @@ def discovery_text(result: DiscoveryResult) -> str:
                 f"{100 * gap.coverage_95_before:.0f} % before, "
                 f"{100 * gap.coverage_95_after:.0f} % after"
             )
-    if result.holdout is not None and result.holdout.took_part_in_selection:
-        lines.append(result.holdout.sentence)
     if result.where:
         lines.append("What the network alone misses, with 95 % intervals:")
     for span in result.where[:MOST_SPANS]:

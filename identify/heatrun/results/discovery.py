@@ -234,7 +234,7 @@ class HeldOutGap:
         rmse_after_K: As `Gap`.
         max_after_K: As `Gap`.
         coverage_95_after: As `Gap`.
-        took_part_in_selection: Whether an effect was judged by its error on held-out tests.
+        took_part_in_selection: Whether an effect was judged by its error on held-out tests: never.
         sentence: What this means.
     """
 

@@ -5,6 +5,7 @@
  * Stray loss:   k' I^2 s^1.5, s speed over the rated one; in the copper node where losses hold all
  * Other losses: $other_words, shared to the nodes; of them P s^n (1 - m + m i^2) to one node, not
  *               below 0, i current over the rated one: teeth in the winding, rotor
+ * Overhang:     a share of Pjs without k, taken from the copper node
  *
  * Classical Runge-Kutta in HEATRUN_PARTS equal parts of a step. The matrix of the network depends
  * on current and speed, so that an exact discretisation would need an exponential in every step.
@@ -33,6 +34,7 @@ const heatrun_parameters heatrun_identified = {
     {$resistance_K_per_W},
     {$share},
     R($Rs0_ohm),
+    {$copper_moved},
 #if HEATRUN_HAS_SPEED
     {$speed_gain},
     {$speed_exponent},
@@ -54,6 +56,7 @@ typedef struct {
     const heatrun_parameters *parameters;
     heatrun_real coefficient_degC;
     heatrun_real copper_W_per_A2_K;
+    heatrun_real direct_W_per_A2_K; /* of it without k */
     heatrun_real stray_W_per_A2;
     heatrun_real square_A2; /* of the current */
     heatrun_real losses_W;
@@ -149,6 +152,7 @@ static void prepare(const heatrun_parameters *p, const heatrun_inputs *inputs, d
     at->coefficient_degC = COEFFICIENT_DEGC;
     at->square_A2 = inputs->current_A*inputs->current_A;
     at->copper_W_per_A2_K = COPPER_PER_OHM_K*p->Rs0_ohm;
+    at->direct_W_per_A2_K = at->copper_W_per_A2_K;
     at->stray_W_per_A2 = R(0.0);
 #if HEATRUN_HAS_SPEED
     at->copper_W_per_A2_K *= R(1.0) + p->ac_copper*rated*rated;
@@ -215,11 +219,16 @@ static void heats(const drive *at, const heatrun_real T[NUM_NODES], heatrun_real
     const heatrun_real copper_W = copper(at, T);
     const heatrun_real other_W = at->losses_W - at->copper_in_losses*copper_W;
     const heatrun_real stray_W = R(1 - IS_BALANCE)*at->stray_W_per_A2*at->square_A2;
+    const heatrun_real direct_W =
+        at->square_A2*at->direct_W_per_A2_K*(at->coefficient_degC + T[COPPER]);
+    heatrun_real left_W = copper_W;
     int i;
     for (i = 0; i < NUM_NODES; ++i) {
-        W[i] = at->heat_W[i] + at->parameters->share[i]*(other_W + stray_W);
+        const heatrun_real moved_W = at->parameters->copper_moved[i]*direct_W;
+        W[i] = at->heat_W[i] + at->parameters->share[i]*(other_W + stray_W) + moved_W;
+        left_W -= moved_W;
     }
-    W[COPPER] += copper_W;
+    W[COPPER] += left_W;
 }
 
 static void slopes(const drive *at, const heatrun_real T[NUM_NODES],

@@ -64,6 +64,7 @@ typedef struct {
     heatrun_real resistance_K_per_W[HEATRUN_NUM_LINKS];
     heatrun_real share[HEATRUN_NUM_NODES]; /* of the losses other than copper [1] */
     heatrun_real Rs0_ohm;
+    heatrun_real copper_moved[HEATRUN_NUM_NODES]; /* share of Pjs without k that heats it instead */
 #if HEATRUN_HAS_SPEED
     heatrun_real speed_gain[HEATRUN_NUM_LINKS];     /* of a conductance at the rated speed [1] */
     heatrun_real speed_exponent[HEATRUN_NUM_LINKS];

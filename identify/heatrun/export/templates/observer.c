@@ -7,7 +7,6 @@
  * tells them apart, so they count in the covariance and are not estimated (S. F. Schmidt 1966). */
 #define NUM_HEATS HEATRUN_NUM_HEATS
 #define NUM_STATES HEATRUN_NUM_STATES
-#define SENSED HEATRUN_SENSED_NODE
 #define SLOW (NUM_NODES + NUM_HEATS)
 #define CONSTANT (SLOW + 1 + HEATRUN_HAS_LAG) /* the first of the three: sensor, sink, share */
 #define SINK_ERROR (CONSTANT + 1)
@@ -16,8 +15,20 @@
 #define SHOWN (SLOW + 1) /* the state that is read */
 static const heatrun_real LAG_DECAY = R($lag_decay); /* over a step */
 static const heatrun_real LAG_MEAN = R($lag_mean);   /* of that over a step */
+static const heatrun_real PART[NUM_NODES] = {$reading}; /* of each node in the reading */
+
+/* Where the sensor sits, between its node and the overhang. */
+static heatrun_real sensed(const heatrun_real T[NUM_NODES])
+{
+    heatrun_real sum = R(0.0);
+    int i;
+    for (i = 0; i < NUM_NODES; ++i) {
+        sum += PART[i]*T[i];
+    }
+    return sum;
+}
 #else
-#define SHOWN SENSED
+#define SHOWN $sensed /* the node that is read */
 #endif
 
 static const int HEATED[NUM_HEATS] = {$heated};
@@ -104,8 +115,9 @@ static void passed(const drive *at, const heatrun_real now_W[NUM_NODES], int j,
         column[i] = state.temperature_degC[i];
     }
 #if HEATRUN_HAS_LAG
-    column[SHOWN] = (R(1.0) - LAG_MEAN)*column[SENSED] /* exact for a straight course */
-        + (j == SENSED ? LAG_MEAN - LAG_DECAY : R(0.0)) + (j == SHOWN ? LAG_DECAY : R(0.0));
+    column[SHOWN] = (R(1.0) - LAG_MEAN)*sensed(column) /* exact for a straight course */
+        + (j < NUM_NODES ? PART[j]*(LAG_MEAN - LAG_DECAY) : R(0.0))
+        + (j == SHOWN ? LAG_DECAY : R(0.0));
 #endif
 }
 
@@ -170,7 +182,7 @@ static heatrun_real shown(const heatrun_observer *observer)
 #if HEATRUN_HAS_LAG
     return observer->shown_degC;
 #else
-    return observer->model.temperature_degC[SENSED];
+    return observer->model.temperature_degC[SHOWN];
 #endif
 }
 
@@ -268,9 +280,12 @@ heatrun_status heatrun_observer_start(heatrun_observer *observer,
         observer->covariance[place(i, i)] = i < NUM_NODES ? sd_K*sd_K : start_variance(i);
     }
 #if HEATRUN_HAS_LAG
-    observer->shown_degC = temperature_degC[SENSED];
-    observer->covariance[place(SHOWN, SHOWN)] = sd_K*sd_K;
-    observer->covariance[place(SHOWN, SENSED)] = sd_K*sd_K;
+    observer->shown_degC = sensed(temperature_degC);
+    observer->covariance[place(SHOWN, SHOWN)] = R(0.0);
+    for (i = 0; i < NUM_NODES; ++i) {
+        observer->covariance[place(SHOWN, SHOWN)] += PART[i]*PART[i]*sd_K*sd_K;
+        observer->covariance[place(SHOWN, i)] = PART[i]*sd_K*sd_K;
+    }
 #endif
     for (i = 0; i < NUM_HEATS; ++i) {
         observer->heat_W[i] = R(0.0);
@@ -290,7 +305,7 @@ heatrun_estimate heatrun_observer_step(heatrun_observer *observer, const heatrun
 {
     const heatrun_real shown_degC = shown(observer);
 #if HEATRUN_HAS_LAG
-    const heatrun_real before_degC = observer->model.temperature_degC[SENSED];
+    const heatrun_real before_degC = sensed(observer->model.temperature_degC);
 #endif
     heatrun_real more_W[NUM_NODES] = {R(0.0)};
     heatrun_estimate estimate;
@@ -308,7 +323,7 @@ heatrun_estimate heatrun_observer_step(heatrun_observer *observer, const heatrun
         observer->slow_K *= SLOW_DECAY;
 #if HEATRUN_HAS_LAG
         observer->shown_degC = LAG_DECAY*observer->shown_degC
-            + (R(1.0) - LAG_MEAN)*observer->model.temperature_degC[SENSED]
+            + (R(1.0) - LAG_MEAN)*sensed(observer->model.temperature_degC)
             + (LAG_MEAN - LAG_DECAY)*before_degC;
 #endif
     } else {

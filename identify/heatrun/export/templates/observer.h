@@ -2,9 +2,8 @@
 /* Observer: a Kalman filter of the nodes and of heat that the network misses, corrected by one
  * sensor. It judges the sensor by what the model expects, and goes on without it where it fails. */
 #define HEATRUN_NUM_HEATS $num_heats
-#define HEATRUN_HAS_LAG $has_lag /* the sensor lags behind its node */
+#define HEATRUN_HAS_LAG $has_lag /* the reading is a state of its own */
 #define HEATRUN_NUM_STATES (HEATRUN_NUM_NODES + HEATRUN_NUM_HEATS + 4 + HEATRUN_HAS_LAG)
-#define HEATRUN_SENSED_NODE $sensed
 #ifndef HEATRUN_READING_SD_K /* set these three for the sensor of the drive */
 #define HEATRUN_READING_SD_K $reading_sd /* white noise of one reading, rounding included */
 #endif

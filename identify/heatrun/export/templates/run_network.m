@@ -215,7 +215,7 @@ for i = 1:num_samples - 1
           case 'ambient_recirculation'
             sink = sink + q.r*(Pjs + Pol);
           case 'rotor_node'
-            in_other = -(q.P + 1e-9)*(s > 0)*s^max(q.n, 0)*max(1 + q.m*(i2 - 1), 0);
+            in_other = -(q.P + 1e-9)*(s > 0)*s^q.n*max(1 + q.m*(i2 - 1), 0);
             heat(own(e)) = heat(own(e)) - in_other;
           case 'end_winding_node'
             heat(copper) = heat(copper) - (q.f + 1e-12)*Pjs;
@@ -223,7 +223,7 @@ for i = 1:num_samples - 1
           case 'ac_copper_loss'
             in_copper = q.k*Pjs*s^2;
           case 'iron_loss_in_winding'
-            in_other = -q.k*(s > 0)*s^max(q.n, 0)*max(1 + q.m*(i2 - 1), 0);
+            in_other = -q.k*(s > 0)*s^q.n*max(1 + q.m*(i2 - 1), 0);
             heat(copper) = heat(copper) - in_other;
           case 'external_loss'
             in_other = -q.k*Pol*(s > 0)*s^q.m;
