@@ -181,7 +181,9 @@ def session_of_the_docstring():
     """The lines of the package's docstring, for files and folders that are here."""
     lines = [line.strip() for line in (heatrun.__doc__ or "").split("\n") if line[:4] == "    "]
     assert lines[0] == "import heatrun"
-    assert len(lines) == 8
+    assert len(lines) == 9
+    # that takes readings of the resistance: test_shutdown.py
+    lines = [line for line in lines if "winding_at_switch_off" not in line]
     swaps = {
         'holdout=["step.csv"])': 'holdout=["step.csv"], model="second", method="quick")',
         "discover(run)": 'discover(run, method="quick")',
