@@ -395,8 +395,11 @@ def test_a_sensor_between_slots_and_overhang_is_read_as_such(tmp_path, steady, m
         for _ in range(10):
             copper = k * current**2 * (234.5 + T[0])
             across, hers = (T[0] - T[1]) / v["Req_w"], f * v["Ceq_w"] * (T[2] - T[0]) / tau
-            heat = [(1.0 - f) * copper - across + hers,
-                    loss - copper + across - (T[1] - 20.0) / v["Req_sr"], f * copper - hers]
+            heat = [
+                (1.0 - f) * copper - across + hers,
+                loss - copper + across - (T[1] - 20.0) / v["Req_sr"],
+                f * copper - hers,
+            ]
             T = T + 0.1 * np.array(heat) / [(1.0 - f) * v["Ceq_w"], v["Ceq_sr"], f * v["Ceq_w"]]
         course.append(T)
         rows.append([current, loss, 20.0, T[0] + p * (T[2] - T[0])])
