@@ -3,7 +3,7 @@
 Six kinds of machines, each with two to four imperfections at once, go as files through `heatrun
 calibrate` (a share of them through `discover` too) and are read back from the run folder. Rows go
 to a file as they come; a run that was killed goes on from there. Seed 8000 is for tuning, reports
-use seed 91000 (80000 to 90022 were looked at).
+use seed 92000 (80000 to 91019 were looked at).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from ordinary_machines import KINDS, Case, make, resistance, structure_fitted, w
 from page_numbers import said_and_simulated
 from study_runs import rows_as_they_come, write_rows
 
-TUNING_SEED, REPORTING_SEED = 8_000, 91_000
+TUNING_SEED, REPORTING_SEED = 8_000, 92_000
 
 IN_SET = 0.1
 """Probability from which on an effect that may be missing is told, and counts as in the set [1]."""
