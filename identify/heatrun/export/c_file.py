@@ -259,7 +259,7 @@ class CSource:
     @property
     def is_apart(self) -> bool:
         """Whether what the sensor shows is not the temperature of a node."""
-        return self.lag_s > 0.0 or np.count_nonzero(self.reading) > 1
+        return self.lag_s > 0.0 or int(np.count_nonzero(self.reading)) > 1
 
     @property
     def has_observer(self) -> bool:
