@@ -15,7 +15,6 @@ from ..calibration import Calibration
 from ..effects.engine import Candidate
 from ..effects.missing import Sight
 from ..effects.search import gap as closed
-from ..model.draws import of_network
 from ..model.noise import from_scores
 from ..model.parameters import qualified
 from ..posterior.posterior import Posterior
@@ -248,7 +247,7 @@ def _effect(found: Discovery, posterior: Posterior, effect: Candidate) -> FoundE
         equivalents=tuple(other.id for other in asked.tied(effect)),
         parameters={
             name: EffectParameter(
-                value=_stated(posterior, draws[slot]),
+                value=posterior.stated[slot],
                 unit=kind.card.parameters[name].unit,
                 interval_95=_interval(draws[slot]),
             )
@@ -371,12 +370,7 @@ def _parameters(base: Posterior, last: Posterior) -> dict[str, ParameterBeforeAf
 
 def _figure(posterior: Posterior, name: str) -> ValueWithInterval:
     draws = posterior.values()[name].ravel()
-    return ValueWithInterval(value=_stated(posterior, draws), interval_95=_interval(draws))
-
-
-def _stated(posterior: Posterior, draws: np.ndarray) -> float:
-    """Return the value that the sheet states."""
-    return float(np.median(of_network(posterior.plausible, draws.ravel())))
+    return ValueWithInterval(value=posterior.stated[name], interval_95=_interval(draws))
 
 
 def _interval(draws: np.ndarray) -> Interval:

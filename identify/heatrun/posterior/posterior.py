@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -12,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..fit.fit_result import Fit
-from ..model.draws import Draws, PlausibleEffects
+from ..model.draws import Draws, PlausibleEffects, of_network
 from ..model.kernels import at_once
 from .convergence import FULL, QUICK, Convergence, judge
 from .importance import importance_sample, starting_sample
@@ -36,6 +37,9 @@ it is, where the autocorrelation time says that the other half would not do."""
 
 NUM_KEPT = 2000
 """Draws kept: the ensembles and the importance samples that are enough hold less than these."""
+
+NUM_FOR_COURSE, NUM_STEPS = 32, 3
+"""Draws whose courses make the mean course, and steps to the machine that has it."""
 
 Method = Literal["emcee", "importance", "normal"]
 Progress = Callable[[str, float], None]
@@ -125,6 +129,31 @@ class Posterior:
         flat = self.flat
         picked = np.random.default_rng(seed).permutation(flat.shape[0])[:num]
         return flat[picked]
+
+    @cached_property
+    def stated(self) -> dict[str, float]:
+        """Values by slot name in physical units of the machine that is stated [their units].
+
+        Of the machines whose course is the mean of those of the draws, it is the nearest to the
+        mean of their scores, by their own spread. That mean itself is no machine where parameters
+        that hang together bend: it runs several times as far from the tests as any draw.
+        """
+        problem = self.fit.problem
+        z = of_network(self.plausible, self.flat)[:, : problem.num_parameters]
+        some = z[:: max(1, len(z) // NUM_FOR_COURSE)]
+        middle = np.mean([problem.linearised(each)[0] for each in some], axis=0)
+        nearness = np.linalg.inv(np.atleast_2d(np.cov(z.T)) + 1e-9 * np.eye(z.shape[1]))
+        at = mean = z.mean(axis=0)
+        residual, jacobian = problem.linearised(at)
+        weight = 1.0 / float(self.fit.noise.total()) ** 2
+        for _ in range(NUM_STEPS):
+            slope = weight * jacobian.T @ (residual - middle) + nearness @ (at - mean)
+            tried = at - np.linalg.solve(weight * jacobian.T @ jacobian + nearness, slope)
+            there, turned = problem.linearised(tried)
+            if not problem.rmse_K(there - middle) < problem.rmse_K(residual - middle):
+                break
+            at, residual, jacobian = tried, there, turned
+        return {name: float(v) for name, v in problem.parameters.physical(at).items()}
 
     def values(self) -> dict[str, np.ndarray]:
         """Return the draws by slot name in physical units, each of shape (chain, draw)."""

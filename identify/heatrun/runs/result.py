@@ -15,7 +15,6 @@ from lptn.effects import AbstractEffect
 
 from ..attempts import Attempts
 from ..fit.fit_result import Fit
-from ..model.draws import of_network
 from ..model.noise import noise_parameters
 from ..model.parameters import Parameter, Slot, qualified
 from ..posterior.comparison import body_rows, compare, residual_row, verdict
@@ -359,9 +358,7 @@ def _free(
     posterior: Posterior, slot: Slot, position: int, draws: np.ndarray, longer: dict[str, float]
 ) -> FittedParameter:
     parameter = slot.parameter
-    # the mean of scores is one machine where parameters hang together; medians are none
-    scores = parameter.score(of_network(posterior.plausible, draws))
-    value = float(parameter.value(np.mean(scores)))
+    value = posterior.stated[slot.name]
     sd = float(np.std(draws))
     # of the network alone: what effects that it may miss add is type B
     scale = parameter.sd * (abs(value) if parameter.transform == "log" else 1.0)
