@@ -12,7 +12,7 @@ from heatrun.posterior import ensemble as ensemble_run
 from heatrun.posterior import posterior as posterior_module
 from heatrun.posterior.convergence import FULL, judge
 from heatrun.posterior.identifiability import forecast
-from heatrun.posterior.posterior import sample
+from heatrun.posterior.posterior import normal_draws, sample
 from heatrun.posterior.predict import predict
 from heatrun.posterior.proposal import Branches
 from heatrun.record.reduction import reduce
@@ -238,3 +238,37 @@ def test_weighted_draws_that_cannot_be_trusted_give_way_to_the_ensemble_which_sa
     assert all("importance sampling is not reliable here" in sentence for sentence in told)
     counts = [re.search(r"(\d+) of about (\d+) steps", sentence).groups() for sentence in told]
     assert all(int(done) < int(wanted) for done, wanted in counts)
+
+
+def test_of_draws_of_a_normal_law_the_mean_is_stated(fitted):
+    posterior = normal_draws(fitted)
+    mean = posterior.flat[:, : fitted.z.size].mean(axis=0)
+    sd = np.sqrt(np.diag(fitted.covariance))
+    for position, slot in enumerate(fitted.slots):
+        off = slot.parameter.score(posterior.stated[slot.name]) - mean[position]
+        assert abs(off) < 0.25 * sd[position], slot.name  # 64 draws make the course
+
+
+def test_what_is_stated_has_the_mean_course_where_the_mean_has_not(fitted):
+    """Machines of any size have one course where losses and copper go with it."""
+    problem, rng = fitted.problem, np.random.default_rng(3)
+    larger = 1.0 + 0.2 * rng.standard_normal(400)
+    vectors = fitted.vector + 1e-3 * rng.standard_normal((400, fitted.vector.size))
+    for position, slot in enumerate(fitted.slots):
+        if (name := slot.parameter.name) == "power_gain":
+            vectors[:, position] = slot.parameter.score(larger - 1.0)
+        elif name[:3] in ("Ceq", "Req", "Rs0"):
+            way = -1.0 if name.startswith("Req") else 1.0
+            vectors[:, position] += way * np.log(larger) / slot.parameter.sd
+    posterior = replace(normal_draws(fitted), vectors=vectors[None])
+    z = vectors[:, : fitted.z.size]
+    middle = np.mean([problem.linearised(each)[0] for each in z], axis=0)
+
+    def off_K(at):
+        return problem.rmse_K(problem.linearised(at)[0] - middle)
+
+    assert np.median([off_K(each) for each in z[::10]]) < 0.2
+    assert off_K(z.mean(axis=0)) > 0.5
+    stated = np.array([s.parameter.score(posterior.stated[s.name]) for s in fitted.slots])
+    assert off_K(stated) < 0.1
+    assert np.all(np.abs(stated - z.mean(axis=0)) < z.std(axis=0))

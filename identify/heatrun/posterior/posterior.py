@@ -38,7 +38,7 @@ it is, where the autocorrelation time says that the other half would not do."""
 NUM_KEPT = 2000
 """Draws kept: the ensembles and the importance samples that are enough hold less than these."""
 
-NUM_FOR_COURSE, NUM_STEPS = 32, 3
+NUM_FOR_COURSE, NUM_STEPS = 64, 3
 """Draws whose courses make the mean course, and steps to the machine that has it."""
 
 Method = Literal["emcee", "importance", "normal"]
@@ -140,8 +140,8 @@ class Posterior:
         """
         problem = self.fit.problem
         z = of_network(self.plausible, self.flat)[:, : problem.num_parameters]
-        some = z[:: max(1, len(z) // NUM_FOR_COURSE)]
-        middle = np.mean([problem.linearised(each)[0] for each in some], axis=0)
+        some = np.random.default_rng(0).permutation(len(z))[:NUM_FOR_COURSE]
+        middle = np.mean([problem.linearised(each)[0] for each in z[some]], axis=0)
         nearness = np.linalg.inv(np.atleast_2d(np.cov(z.T)) + 1e-9 * np.eye(z.shape[1]))
         at = mean = z.mean(axis=0)
         residual, jacobian = problem.linearised(at)
