@@ -83,7 +83,7 @@ class FittedParameter:
     """What the tests say of a parameter.
 
     Attributes:
-        value: Median of the posterior [unit].
+        value: Of the machine that is stated, in the middle of the posterior [unit].
         unit: Its unit.
         sd: Standard uncertainty [unit].
         sd_type_a: What remains of it with exact instruments [unit].
