@@ -81,7 +81,7 @@ class EffectParameter:
     """A parameter of an accepted effect.
 
     Attributes:
-        value: Median of the posterior [unit].
+        value: Of the machine that is stated, in the middle of the posterior [unit].
         unit: Its unit.
         interval_95: 95 % interval [unit].
     """
@@ -288,7 +288,7 @@ class ValueWithInterval:
     """A value with its interval.
 
     Attributes:
-        value: Median of the posterior [unit].
+        value: Of the machine that is stated, in the middle of the posterior [unit].
         interval_95: 95 % interval [unit].
     """
 
