@@ -71,6 +71,13 @@ def test_a_gap_leaves_empty_blocks_and_a_note(motor):
     blocks = reduce(record(time, winding=winding, losses_W=losses), motor)
     assert np.sum(~blocks.is_observed) >= 9
     assert any("losses_W" in note for note in blocks.notes)
+    # what is modelled there has a mean like any other
+    edges = 20.0 + 0.01 * (blocks.first_s + np.arange(blocks.inputs.num_time + 1) * float(
+        blocks.inputs.step))  # fmt: skip
+    before, after = (each.reshape(blocks.weight.shape) for each in (edges[:-1], edges[1:]))
+    means = np.sum(blocks.weight * (before + blocks.position * (after - before)), axis=1)
+    own = 20.0 + 0.01 * (blocks.first_s + blocks.time)
+    np.testing.assert_allclose(means, own, atol=1e-9)
 
 
 def test_short_tests_get_short_blocks(motor):

@@ -415,3 +415,18 @@ def test_a_record_that_is_run_through_has_a_narrower_band_than_one_that_is_cut(
     assert found["mask"][1] < 0.6 * found["cut"][1]
     assert found["mask"][0] > 0.85  # 95 % of 87 blocks, some of them alike
     assert found["cut"][0] > 0.85
+
+
+def test_the_model_has_a_course_where_nothing_was_read(tmp_path, bench, generator):
+    """The winding was drawn at 0 degC in a gap."""
+    run = open_run(run_near_truth(tmp_path / "run", MOTOR, bench(generator.duty(600.0), seed=20)))
+    whole = bench(generator.duty(3600.0), seed=21, name="warm")
+    prediction = run.predict(mask(whole, [(900.0, BEGIN_S)], "test"), motor=MOTOR)
+    blank = ~prediction.test.is_observed
+    assert blank.sum() > 10
+    before = prediction.time_s < 900.0
+    whole = run.predict(whole, motor=MOTOR)
+    for masked, read in ((prediction.median, whole.median), *zip(
+            prediction.total["95"], whole.total["95"], strict=True)):  # fmt: skip
+        assert np.max(np.abs(masked - read)[before]) < 1.0
+        assert np.max(np.abs(masked - read)[blank]) < 1.0

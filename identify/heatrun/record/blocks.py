@@ -91,7 +91,8 @@ class Blocks:
         means: Means over the steps, all of one length, by the names of `lptn.Inputs`; shape
             (step,). What was not recorded is not among them.
         measured: Mean of the readings of each block [degC], shape (row,); NaN without any.
-        weight: Share of each step in the mean of its block [1], shape (row, step per block).
+        weight: Share of each step in the mean of its block [1], shape (row, step per block); the
+            same for each where nothing was read.
         position: Mean position of the samples within each step, 0 its start and 1 its end [1],
             shape (row, step per block).
         count: Readings per block, shape (row,).

@@ -236,7 +236,8 @@ def _observation(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return weight, position, count, mean reading and mean time of the blocks.
 
-    A sample belongs to the step that it ends; the very first one belongs to the first step.
+    A sample belongs to the step that it ends; the very first one belongs to the first step. What
+    stands in for the mean of a block without a reading is that over all of its time.
     """
     num_steps = edges.size - 1
     step = edges[1] - edges[0]
@@ -246,6 +247,7 @@ def _observation(
     offset = (time - edges[index]) / step
     filled = np.maximum(per_step, 1.0)
     position = np.bincount(index, weights=offset, minlength=num_steps) / filled
+    position = position.reshape(shape)
 
     block = index // shape[1]
     count = np.bincount(block, minlength=shape[0]).astype(float)
@@ -255,8 +257,8 @@ def _observation(
         weight = per_step.reshape(shape) / count[:, None]
     empty = count == 0
     middle[empty] = (edges[:-1].reshape(shape)[:, 0] + 0.5 * step * shape[1])[empty]
-    weight[empty] = 0.0
-    return weight, position.reshape(shape), count, measured, middle
+    weight[empty], position[empty] = 1.0 / shape[1], 0.5
+    return weight, position, count, measured, middle
 
 
 def _bodies(record: Record, edges: np.ndarray, shape: tuple[int, int]) -> Iterator[Body]:
