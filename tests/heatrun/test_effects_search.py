@@ -54,6 +54,20 @@ def test_the_gap_is_closed_without_an_absurd_size(two, searched):
     assert values["Req_w"] == pytest.approx(case.machine.Req_w, rel=0.15)
 
 
+def test_a_trace_neither_enters_the_model_nor_takes_the_place_of_an_effect(hidden_bench):
+    """A shift of 2 s that closes 0.02 K is asked for by 40 nat, once the lag is in the model: no
+    lag of a sensor is quite of first order. It closes nothing of what the fan does.
+    """
+    _, motor, (staircase, _), _ = machine(
+        hidden_bench, ("speed_cooling", "sensor_lag"), 43, amplitude=1.0
+    )
+    model = Model.of("second", motor).scaled(motor, [staircase])
+    found = find(model, motor, [model.with_bodies(staircase)])
+    assert "time_shift" in found.best.ids
+    assert set(found.ids) == {"speed_cooling", "sensor_lag"}
+    assert all(found.probability(each) > 0.95 for each in found.core.effects)
+
+
 @pytest.fixture(scope="module")
 def search(two):
     _, motor, tests, _ = two

@@ -199,8 +199,8 @@ def of_friction(fitted, probability, shift=0.0):
     return finding
 
 
-def test_what_does_not_matter_is_a_note(fitted):
-    """What matters is in the network by now; the intervals allow for the rest."""
+def test_what_is_not_decided_is_a_note(fitted):
+    """What is decided is in the network by now; the intervals allow for the rest."""
     finding = of_friction(fitted, 0.45)
     assert finding.severity == "note"
     assert "too little for a name" in finding.message

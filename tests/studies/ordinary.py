@@ -63,7 +63,7 @@ def stated_effects(fit: Row) -> list[Row]:
 
 
 def discovered(found: Row) -> list[Row]:
-    """Return what `discovery.json` claims; traces are said to be too small to matter."""
+    """Return what `discovery.json` claims; traces are not said to be there."""
     return [
         {"id": each["id"], "set": [each["id"], *each["equivalents"]], "firm": is_firm}
         for name, is_firm in (("effects", True), ("traces", False))

@@ -212,14 +212,14 @@ def _held_out(gap: Gap) -> HeldOutGap:
 
 
 def _traces(found: Discovery) -> tuple[TraceOfEffect, ...]:
-    """Return the effects that the evidence asks for and that are too small to matter."""
+    """Return the effects that the evidence asks for and that are not wanted in the model."""
     search = found.asked.search
     best = found.asked.best
     rows = []
     for each in sorted(best.effects - found.asked.core.effects, key=lambda one: one.id):
         without = search.fitted.get(best.effects - {each})
         if without is not None:
-            reached = [search.reached_K(m.effects, m.z) for m in (without, best)]
+            reached = [search.reached_K(m) for m in (without, best)]
             delta = best.log_evidence - without.log_evidence
             rows.append(TraceOfEffect(id=each.id, equivalents=(), closes_K=closed(*reached),
                                       delta_log_evidence=delta))  # fmt: skip

@@ -51,7 +51,7 @@ FEW = 8
 MAX_EVALUATIONS = 30
 """Evaluations of one refit; they start near the optimum and take about six."""
 
-XTOL, FTOL = 1e-5, 1e-5
+XTOL, FTOL = 1e-4, 1e-4
 """Step and fall of the sum of squares at which a refit ends [1]."""
 
 REACH = 8.0
@@ -186,21 +186,37 @@ class Engine:
             z: Scores of all slots; NaN for those of an effect that is absent.
             columns: Slots that are derived by.
         """
-        rows, slopes = [], []
-        for index, padded in enumerate(self._padded):
-            values, gains = self.values(z, index)
-            test = self.tests[index]
+        known = [self.values(z, index) for index in range(len(self.tests))]
+        own = [
+            [c for c in range(len(columns)) if self.slots[columns[c]].test in (None, index)]
+            for index in range(len(self.tests))
+        ]
+        jobs = [
+            (index, mine[first : first + LANES])
+            for index, mine in enumerate(own)
+            for first in range(0, max(len(mine), 1), LANES)
+        ]
+
+        def some(job: tuple[int, list[int]]) -> tuple[np.ndarray, np.ndarray]:
+            index, chunk = job
+            values, gains = known[index]
+            directions = {name: np.zeros(LANES) for name in values}
+            for lane, column in enumerate(chunk):
+                slot = self.slots[columns[column]]
+                directions[slot.parameter.name][lane] = gains[columns[column]]
+            means, slope = _course(self.problem.model, values, directions, self._padded[index])
+            return np.asarray(means), np.asarray(slope)
+
+        found = at_once(some, jobs) if len(jobs) > 1 else [some(job) for job in jobs]
+        rows: list[np.ndarray] = []
+        slopes: list[np.ndarray] = []
+        for index, test in enumerate(self.tests):
             jacobian = np.zeros((test.measured.size, len(columns)))
             means = None
-            own = [c for c in range(len(columns)) if self.slots[columns[c]].test in (None, index)]
-            for first in range(0, max(len(own), 1), LANES):
-                chunk = own[first : first + LANES]
-                directions = {name: np.zeros(LANES) for name in values}
-                for lane, column in enumerate(chunk):
-                    slot = self.slots[columns[column]]
-                    directions[slot.parameter.name][lane] = gains[columns[column]]
-                means, slope = _course(self.problem.model, values, directions, padded)
-                jacobian[:, chunk] = -test.own(slope)[:, : len(chunk)]
+            for (of, chunk), (means_of, slope) in zip(jobs, found, strict=True):
+                if of == index:
+                    means = means_of
+                    jacobian[:, chunk] = -test.own(slope)[:, : len(chunk)]
             residual, is_sound = self._sound(test, test.own(means))
             rows.append(residual)
             slopes.append(np.where(is_sound[:, None], np.nan_to_num(jacobian), 0.0))

@@ -83,7 +83,7 @@ class Found:
         library: What was searched, and what could not be.
         search: The fitted sets.
         best: The most probable set.
-        core: The part of it that matters.
+        core: The set near it that the coarse evidence asks for, which is in the model.
         around: The core, and the sets that could be in its place, with probabilities [1].
         fits: The network alone and the network with the core, as fits that can be sampled.
     """
@@ -204,7 +204,7 @@ def find(
             if place is not None:
                 z[place] = score
     best = search.run(z)
-    core, around = search.settled(search.core(best))
+    core, around = search.settled(best)
     alone = start or as_fit(search, search.fitted[frozenset()], model)
     chosen = as_fit(search, core, model) if core.effects else alone
     return Found(usable, search, best, core, around, (alone, chosen))
@@ -293,7 +293,7 @@ def as_fit(search: Search, member: Member, model: Model) -> Fit:
         parameters=collect([test.name for test in full.tests], by_test),
         loggers=full.loggers,
     )
-    reached_K = search.reached_K(member.effects, member.z)
+    reached_K = search.reached_K(member)
 
     def fitted(problem: Problem) -> Fit:
         return _settled(search, problem, member, reached_K)

@@ -1,8 +1,8 @@
 """Which small effects may a calibrated network lack, and what would they move?
 
-What matters is in the network by now (`found`). Of the rest a machine has some, each too small to
-be told, and together they move the parameters. So all effects that the network lacks stand beside
-it once more, at the sizes that small ones have, each with the odds that the search gives it. Around
+What the tests ask for is in the network by now (`found`). Of the rest a machine has some, each too
+small to be told, and together they move the parameters. So all effects that the network lacks stand
+beside it once more, at the sizes of small ones, each with the odds that the search gives it. Around
 the fit all is linear (`linear`): given the sizes, the parameters are a Gaussian shift away, and
 the sizes are drawn one after the other, each given the others, zero or not (a spike and a slab).
 The posterior is averaged over these draws (`averaging`).
@@ -57,8 +57,8 @@ SCALES = (0.1, 0.3, 1.0)
 """Standard deviations of a small effect's size over the usual one, equally probable [1]."""
 
 LEAST_OF_NONE = 0.5
-"""Of the network alone after them [1]. What is left closes less of the gap than the laws in the
-network leave open, and evidence of that size decides nothing."""
+"""Of the network alone after them [1]. The evidence for what is left is no larger than what the
+laws in the network leave open, and decides nothing."""
 
 NUM_DRAWS, NUM_SWEEPS = 4000, 40
 """Draws of the sizes, and rounds over all effects until each of them is one."""
@@ -535,9 +535,8 @@ def _scaled_resistance(engine: Engine, base: Sequence[int], candidate: Candidate
 def missing_finding(fit: Fit, found: Missing) -> Finding | None:
     """Return the finding that a network may lack a small effect; None if the tests show none.
 
-    What matters is in the network by now (`effects.found`). What is left closes less of the gap
-    than the laws in it leave open, so the tests do not decide whether it is there: the intervals
-    allow for both.
+    What the tests ask for is in the network by now (`effects.found`). They do not decide whether
+    what is left is there: the intervals allow for both.
     """
     if not found.is_seen:
         return None

@@ -61,14 +61,15 @@ LONGEST_S, UNLIMITED_S = 60.0, 2000.0
 """Correlation over longer than the first is no noise while causes are sought, and no noise reaches
 the second [s]."""
 
-MATTERS_K, MATTERS_NOISE, MATTERS_SHARE = 0.05, 0.5, 0.03
-"""Gap that an effect must close to matter: in kelvin, in parts of the noise of a block mean [1],
-and of the gap that the whole set closes [1]; no law is an exact copy of the machine's."""
+MATTERS_K = 0.05
+"""Gap that an effect in the model closes at least [K]: less is within the errors of instruments."""
 
+EXPLAINS = 0.5
+"""Share of what an effect explains, in mean squares, that another in its place explains [1]."""
 
 COARSE = 0.5
-"""Share of the evidence that counts between sets that stand for each other [1]: what the laws of
-the effects leave open of a real machine is of the size of the noise that is left, and no noise."""
+"""Share of the evidence that counts for what is in the model [1]: what the laws of the effects
+leave open of a real machine is of the size of the noise that is left, and no noise."""
 
 
 @dataclass(frozen=True)
@@ -116,6 +117,7 @@ class Search:
     candidates: Sequence[Candidate]
     base: tuple[int, ...] = ()
     fitted: dict[Set, Member] = field(default_factory=dict)
+    _reached: dict[Set, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.own = {each: slots(self.engine, each) for each in self.candidates}
@@ -250,75 +252,85 @@ class Search:
             self.climb(self.fitted.get(start) or self.fit(start, np.zeros_like(z)))
         return self.best
 
-    def reached_K(self, effects: Set, z: np.ndarray) -> float:
-        """Return the error that least squares under white noise reaches with a set [K].
+    def reached_K(self, member: Member) -> float:
+        """Return the error that least squares under white noise reaches with a fitted set [K].
 
-        From scores, or from the network alone where that is nearer: more effects explain no less.
-
-        Args:
-            effects: The set.
-            z: Scores to start from.
+        From its scores, or from the network alone where that is nearer: more effects explain no
+        less.
         """
+        effects = member.effects
+        if effects in self._reached:
+            return self._reached[effects]
         free, alone = self.free(effects), self.fitted[frozenset()].z
-        starts = [self.placed(each, effects) for each in (z, alone)]
+        starts = [self.placed(each, effects) for each in (member.z, alone)]
         off_K = [self.engine.rms_K(self.engine.linearise(each, ())[0]) for each in starts]
         nearest = starts[int(np.argmin(off_K))]
         found = self.engine.refit(nearest, free, white(ROUGH_K), most=MOST_EVALUATIONS)
-        return self.engine.rms_K(found.residual)
+        self._reached[effects] = self.engine.rms_K(found.residual)
+        return self._reached[effects]
 
-    def core(self, member: Member) -> Member:
-        """Return the network with those effects of a set alone that matter.
+    def coarse(self, member: Member) -> float:
+        """Return the log weight of a set where the evidence counts by a share only [nat].
 
-        One that does not closes less of the gap than the laws of the others leave open: no law is
-        an exact copy of the machine's. Taken out one by one, the least first.
-        """
-        effects, z = member.effects, member.z
-        alone = self.fitted[frozenset()]
-        reached = self.reached_K(effects, z)
-        closed = gap(self.reached_K(alone.effects, alone.z), reached)
-        noise = float(from_scores(member.noise_z).total())
-        floor = max(MATTERS_K, MATTERS_NOISE * noise, MATTERS_SHARE * closed)
-        while effects:
-            gaps = {each: gap(self.reached_K(effects - {each}, z), reached) for each in effects}
-            least = min(effects, key=lambda each: gaps[each])
-            if gaps[least] > floor:
-                break
-            effects = effects - {least}
-        return self.fitted.get(effects) or self.fit(effects, z, member.noise_z)
-
-    def settled(self, member: Member) -> tuple[Member, dict[Set, float]]:
-        """Return the best set of those that the tests do not tell from one, and these.
-
-        What the effects that do not matter had taken up may speak for another of their rivals.
-        """
-        around = self.around(member)
-        for _ in range(MOST_SETTLED):
-            best = max(around, key=lambda each: around[each])
-            if best == member.effects:
-                break
-            member = self.fitted[best]
-            around = self.around(member)
-        return member, around
-
-    def around(self, member: Member) -> dict[Set, float]:
-        """Return the sets that the tests do not tell from a fitted one, with probabilities [1].
-
-        They have one effect less, or another in the place of one. A rival is tried where it
-        explains most without the effect: beside it, its twin explains nothing. The best by the
-        linear evidence are fitted. No law is an exact copy of the machine's, so the evidence counts
-        by a share only.
-
-        Args:
-            member: The set, which is among them.
+        No law is an exact copy of the machine's.
 
         Reference: J. W. Miller, D. B. Dunson, Robust Bayesian inference via coarsening, Journal of
             the American Statistical Association 114 (2019) 1113-1125.
         """
+        return COARSE * member.log_evidence + self.log_odds(member.effects)
+
+    def fewer(self, member: Member) -> list[Member]:
+        """Return the fits of a fitted set without each of its effects."""
+        sets = [member.effects - {each} for each in member.effects]
+        return [self.fitted.get(each) or self.fit(each, member.z, member.noise_z, member)
+                for each in sets]  # fmt: skip
+
+    def is_wanted(self, member: Member, fewer: Member) -> bool:
+        """Return whether what a set has beside one of fewer effects is wanted in the model."""
+        if self.coarse(member) <= self.coarse(fewer):
+            return False
+        return gap(self.reached_K(fewer), self.reached_K(member)) > MATTERS_K
+
+    def explains(self, rival: Member, member: Member, without: Member) -> bool:
+        """Return whether a rival explains what an effect of a set does, for its greater part."""
+        own, bare, of_rival = (self.reached_K(each) for each in (member, without, rival))
+        return of_rival**2 - own**2 < (1.0 - EXPLAINS) * max(bare**2 - own**2, MATTERS_K**2)
+
+    def settled(self, member: Member) -> tuple[Member, dict[Set, float]]:
+        """Return the set near one that the coarse evidence asks for, and its rivals.
+
+        Effects that it does not ask for, or that close next to nothing, are taken out one by one,
+        the least first. What these had taken up may speak for a rival of another one then.
+
+        Args:
+            member: The most probable set.
+        """
+        for _ in range(MOST_SETTLED + len(member.effects)):
+            spare = [each for each in self.fewer(member) if not self.is_wanted(member, each)]
+            if spare:
+                member = max(spare, key=self.coarse)
+                continue
+            around = self.around(member)
+            best = self.fitted[max(around, key=lambda each: around[each])]
+            if best.effects == member.effects:
+                return best, around
+            member = best
+        return member, self.around(member)
+
+    def around(self, member: Member) -> dict[Set, float]:
+        """Return the sets that the tests do not tell from a fitted one, with probabilities [1].
+
+        They have one effect less, or another in the place of one that explains much the same. A
+        rival is tried where it explains most without the effect: beside it, its twin explains
+        nothing. The best by the linear evidence are fitted.
+
+        Args:
+            member: The set, which is among them.
+        """
         here = member.effects
         others = []
-        for each in here:
-            fewer = here - {each}
-            without = self.fitted.get(fewer) or self.fit(fewer, member.z, member.noise_z, member)
+        for without in self.fewer(member):
+            fewer = without.effects
             # under the noise of the set: without the effect, what it does is unmodelled heat
             centre = replace(without, noise_z=member.noise_z)
             linear = Linear(heated(self.engine, without.z), self.own, self.base, centre, {})
@@ -327,11 +339,10 @@ class Search:
             for rival in sorted(rivals, key=lambda one: -weights[one])[:MOST_RIVALS]:
                 if rival not in self.fitted:
                     self.fit(rival, linear.scores(rival), member.noise_z, member)
-            others += [fewer, *rivals]
-        fitted = [here, *(each for each in others if each in self.fitted)]
-        found = np.array([
-            COARSE * self.fitted[each].log_evidence + self.log_odds(each) for each in fitted
-        ])  # fmt: skip
+            tried = [self.fitted[rival] for rival in rivals if rival in self.fitted]
+            others += [fewer, *(r.effects for r in tried if self.explains(r, member, without))]
+        fitted = [here, *others]
+        found = np.array([self.coarse(self.fitted[each]) for each in fitted])
         shares = np.exp(found - np.logaddexp.reduce(found))
         return dict(zip(fitted, shares.tolist(), strict=True))
 

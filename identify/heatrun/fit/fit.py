@@ -221,8 +221,9 @@ def not_converged(problem: Problem) -> Finding:
     )
 
 
-NUM_STARTS = 16
-"""Starts of the search: the centre of the prior and draws from it."""
+NUM_STARTS, NUM_FIRST = 16, 4
+"""Starts of the search: the centre of the prior and draws from it. The first of them tell how much
+the network leaves."""
 
 SPREAD = 0.7
 """Spread of the starts in prior standard deviations: a factor of 8 to either side in C and R."""
@@ -233,8 +234,9 @@ SAME_OPTIMUM = 0.5
 MAX_STEPS = 120
 """Steps of one search; a sound one takes ten to thirty."""
 
-TOLERANCE = 1e-7
-"""Of a search, relative and in prior standard deviations; a narrow posterior has 5e-3 of these."""
+TOLERANCE = 1e-5
+"""Of a search, relative and in prior standard deviations; a narrow posterior has 5e-3 of these, and
+a last step by the slope alone goes farther."""
 
 HOPELESS = 1e10
 """Half the sum of squares from which on a start counts as failed [nat]."""
@@ -287,11 +289,17 @@ def fit(
     refuse_wrong_sums()
     problem = replace(problem, heat=no_heat(problem))
     starts = start_scores(problem, num_starts, seed)
-    z, cost, steps = _search(problem, _white(ROUGH_K), starts)
-    if np.any(np.isfinite(cost)):
-        implied = implied_level(problem, problem.linearised(z[int(np.argmin(cost))])[0])
-        if implied >= ROUGH_K:
-            z, cost, steps = _search(problem, _white(1.5 * implied), starts)
+    found = _search(problem, _white(ROUGH_K), starts[:NUM_FIRST])
+    level, first = ROUGH_K, found[0][int(np.argmin(found[1]))]
+    if np.any(np.isfinite(found[1])):
+        implied = implied_level(problem, problem.linearised(first)[0])
+        level = 1.5 * implied if implied >= ROUGH_K else ROUGH_K
+    if level > ROUGH_K:
+        found = _search(problem, _white(level), starts)
+    elif num_starts > NUM_FIRST:
+        others = _search(problem, _white(level), starts[NUM_FIRST:])
+        found = tuple(np.concatenate(parts) for parts in zip(found, others, strict=True))
+    z, cost, steps = found
     if not np.any(np.isfinite(cost)):
         if throw:
             raise InputError(RESULT.no_start.value, where=problem.label)

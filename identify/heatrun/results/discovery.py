@@ -180,7 +180,7 @@ class FoundEffect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TraceOfEffect:
-    """An effect with strong evidence that is too small to matter.
+    """An effect that the evidence asks for, too small or too uncertain to be in the model.
 
     Attributes:
         id: Its name in the catalogue.
@@ -446,8 +446,8 @@ class DiscoveryResult:
         sentence: What the verdict means here.
         effects: Accepted effects in the order of acceptance.
         dropped: Effects that were accepted and are not needed beside those found later.
-        traces: Effects with strong evidence that are too small to matter; empty unless the
-            verdict is adequate.
+        traces: Effects that the evidence asks for, too small or too uncertain to be in the model;
+            empty unless the verdict is adequate.
         where: Significant spans of what the base network misses.
         where_left: Significant spans of what the final model misses.
         localisation: Where something is missing.
