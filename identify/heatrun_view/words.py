@@ -13,6 +13,9 @@ from heatrun.reports.terminal import ranked, verdict_lines
 from heatrun.results import DiscoveryResult, FitResult
 from heatrun.results.model import MissingSpan
 from heatrun.runs.verdict import favoured
+from heatrun.shutdown.printed import BUDGET, budget_cells, budget_sum, hand_cells
+from heatrun.shutdown.printed import text as shutdown_lines
+from heatrun.shutdown.result import ShutdownResult
 
 
 def message(kind: str, text: str) -> str:
@@ -122,6 +125,22 @@ def discovery_html(result: DiscoveryResult) -> str:
             )
         )  # fmt: skip
     return "".join(parts)
+
+
+def shutdown_html(result: ShutdownResult) -> str:
+    """Return the winding at switch-off: the answer, what is left, by hand, where from it is."""
+    first, *rest = shutdown_lines(result).split("\n\n")[0].splitlines()
+    kind = "h3" if result.is_determinable else "p class='error'"
+    return "".join([
+        f"<{kind}>{escape(first)}</{kind.split()[0]}>",
+        *(f"<p>{escape(line)}</p>" for line in rest),
+        "<h3>By hand from the same readings</h3>",
+        table(("method", "winding [°C]", "difference [K]"), hand_cells(result)),
+        "<h3>Where the uncertainty comes from (GUM)</h3>",
+        table(BUDGET, budget_cells(result)),
+        f"<p>{escape(budget_sum(result))}</p>",
+        *(f"<p class='faded'>{escape(note)}</p>" for note in result.notes),
+    ])  # fmt: skip
 
 
 def _missing(span: MissingSpan) -> str:

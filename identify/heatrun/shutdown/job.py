@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from ..record.motor import Motor
     from .result import ShutdownResult
 
 
 def winding_at_switch_off(
-    motor: str | Path,
+    motor: str | Path | Motor,
     readings: str | Path,
     *,
     run: str | Path | None = None,
@@ -22,7 +23,7 @@ def winding_at_switch_off(
     """Return what `heatrun shutdown` says of a file of readings.
 
     Args:
-        motor: Motor file.
+        motor: Motor file, or what it says.
         readings: File of resistances, or of a sensor in the winding, over the time since then.
         run: Run folder of this machine, whose time constants are the prior; None for those of
             machines in general.
@@ -40,7 +41,7 @@ def winding_at_switch_off(
     from .readings import read_readings
     from .result import WITHIN_K, winding_at_shutdown
 
-    machine = load_motor(Path(motor))
+    machine = load_motor(Path(motor)) if isinstance(motor, str | Path) else motor
     read = read_readings(Path(readings), machine, at)
     modes = None
     if run is not None:

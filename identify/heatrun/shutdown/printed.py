@@ -63,32 +63,52 @@ def _unit(unit: str) -> str:
     return {"degC": "°C", "ohm": "Ω"}.get(unit, unit)
 
 
-def _by_hand(result: ShutdownResult) -> list[str]:
+def hand_cells(result: ShutdownResult) -> list[tuple[str, str, str]]:
+    """Return the methods by hand: name, temperature [degC], difference to the answer [K]."""
     return [
-        f"  {row.method:<42} "
-        + (
-            "not applicable"
-            if math.isnan(row.degC)
-            else f"{row.degC:7.1f} °C  {row.degC - result.winding_degC:+6.1f} K"
-        )
+        (row.method, "not applicable", "")
+        if math.isnan(row.degC)
+        else (row.method, f"{row.degC:.1f}", f"{row.degC - result.winding_degC:+.1f}")
         for row in result.by_hand
     ]
 
 
-def _budget(result: ShutdownResult) -> list[str]:
-    head = f"  {'source':<36} {'u':>11} {'K per unit':>11} {'K':>7} {'share':>6}"
-    lines = [head]
+def _by_hand(result: ShutdownResult) -> list[str]:
+    return [
+        f"  {method:<42} " + (f"{degC:>7} °C  {off:>6} K" if off else degC)
+        for method, degC, off in hand_cells(result)
+    ]
+
+
+BUDGET = ("source", "u", "K per unit", "K", "share")
+"""Headings of the budget; u is the standard uncertainty."""
+
+
+def budget_cells(result: ShutdownResult) -> list[tuple[str, str, str, str, str]]:
+    """Return the budget, a row for each source, in the columns of `BUDGET`."""
+    rows = []
     for row in result.budget:
-        u = "" if row.standard_uncertainty is None else f"{row.standard_uncertainty:.2g} {row.unit}"
-        c = "" if row.sensitivity is None else f"{row.sensitivity:.3g}"
-        lines.append(
-            f"  {row.source:<36} {u:>11} {c:>11} {row.contribution_K:7.3f} {100 * row.share:5.1f} %"
-        )
-    lines.append(
-        f"  standard uncertainty {result.gum_uncertainty_K:.3f} K to first order (GUM), "
+        sd, slope = row.standard_uncertainty, row.sensitivity
+        u = "" if sd is None else f"{sd:.2g} {row.unit.removeprefix('1')}".rstrip()
+        c = "" if slope is None else f"{slope:.3g}"
+        rows.append((row.source, u, c, f"{row.contribution_K:.3f}", f"{100 * row.share:.1f} %"))
+    return rows
+
+
+def budget_sum(result: ShutdownResult) -> str:
+    """Return what the budget comes to."""
+    return (
+        f"standard uncertainty {result.gum_uncertainty_K:.3f} K to first order (GUM), "
         f"{result.standard_uncertainty_K:.3f} K by {NUM_DRAWS} draws (JCGM 101)"
     )
-    return lines
+
+
+def _budget(result: ShutdownResult) -> list[str]:
+    lines = [
+        f"  {source:<36} {u:>11} {c:>11} {part:>7} {share:>7}"
+        for source, u, c, part, share in (BUDGET, *budget_cells(result))
+    ]
+    return [*lines, f"  {budget_sum(result)}"]
 
 
 def table(result: ShutdownResult) -> bytes:

@@ -29,6 +29,7 @@ from .sidebar import Sidebar
 from .signals import Cutting, Signals
 from .sliders import Sliders
 from .start import Start
+from .switching_off import SwitchingOff
 from .using import Reporting, Sending, Using
 
 WATCH_MS = 1000
@@ -73,6 +74,7 @@ class Page:
         self.discovering = discovering(self, queue)
         self.reporting = Reporting(self, queue)
         self.using = Using(self, queue)
+        self.switching_off = SwitchingOff(self.reader, out, self.list_folder)
         self.fleet = FleetTab(self.root, self.show_tests)
         self._tabs = pn.Tabs(
             ("Start", self.start.view),
@@ -84,6 +86,7 @@ class Page:
             ("Discovery", self.discovering.view),
             ("Report", self.reporting.view),
             ("Simulate and export", self.using.view),
+            ("Switch-off", self.switching_off.view),
             sizing_mode="stretch_width",
             dynamic=False,
             active=SIGNALS,
@@ -277,6 +280,8 @@ class Page:
         self._banner.visible = not is_asked  # the tab asks for what could not be read
         if shown is self.sliders.view:
             self.sliders.offer(self.opened, self.motor_name, self.run)
+        elif shown is self.switching_off.view:
+            self.switching_off.offer(self.motor_name, self.run)
         elif shown is self.start.view:
             self.start.offer(self.chosen, self.motor_name)
 

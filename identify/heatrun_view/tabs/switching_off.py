@@ -1,0 +1,232 @@
+"""The tab on which readings after switch-off are typed, and the winding's temperature follows."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import panel as pn
+
+from heatrun.errors import InputError
+from heatrun.record.motor import Motor
+from heatrun.shutdown.job import winding_at_switch_off
+from heatrun.shutdown.printed import figure, write
+from heatrun.shutdown.result import ShutdownResult
+
+from ..background import Soon, in_background
+from ..look import text_pane
+from ..reading import Reader, problem
+from ..runs import Run
+from ..words import error_message, message, shutdown_html
+from .run_view import run_name
+
+HEADS = {"resistance [mΩ]": "R [mOhm]", "resistance [Ω]": "R [Ohm]",
+         "sensor in the winding [°C]": "T [degC]"}  # fmt: skip
+"""What may be typed, and the heading that the reader knows."""
+
+OHMS = {"R [mOhm]": 1e-3, "R [Ohm]": 1.0}
+
+EXAMPLE = "30 16.62\n60 16.41\n90 16.24\n120 16.10"
+MOST_CHARACTERS = 20_000
+
+
+@dataclass(frozen=True)
+class Typed:
+    """What stands on the page.
+
+    Attributes:
+        head: Heading of the readings.
+        readings: Times and readings, a line each.
+        cold: Cold resistance in their unit; empty for the motor file's.
+        cold_at: Its temperature [degC]; likewise.
+        sink: Temperature that the machine cools to [degC]; likewise.
+    """
+
+    head: str
+    readings: str = ""
+    cold: str = ""
+    cold_at: str = ""
+    sink: str = ""
+
+    def machine(self, motor: Motor) -> Motor:
+        """Return the machine with what is stated on the page."""
+        stated: dict[str, object] = {}
+        if self.cold.strip() and self.head in OHMS:
+            ohm = OHMS[self.head] * _number(self.cold, "cold resistance")
+            stated |= {"measured_resistance_ohm": ohm}
+        if self.cold_at.strip():
+            stated["reference_temperature_degC"] = _number(self.cold_at, "its temperature")
+        if self.sink.strip():
+            degC = _number(self.sink, f"temperature of the {motor.sink}")
+            stated["constants"] = {**motor.constants, f"{motor.sink}_degC": degC}
+        # the columns are those of this page, not of a logger
+        return replace(motor, columns={}, tests={}, **stated)
+
+    def table(self) -> str:
+        """Return the readings as a file holds them."""
+        rows = [_row(line, place) for place, line in enumerate(self.readings.splitlines(), 1)
+                if line.strip()]  # fmt: skip
+        return "\n".join([f"time [s],{self.head}", *(f"{t!r},{value!r}" for t, value in rows), ""])
+
+
+class SwitchingOff:
+    """Readings that are typed in, and what the winding had at switch-off.
+
+    Attributes:
+        view: What goes on the page.
+    """
+
+    def __init__(self, reader: Reader, out: Path, listed: Callable[[], None]) -> None:
+        """Take what reads motor files, the folder of results, and whom to tell of a new one."""
+        self._reader, self._out, self._listed = reader, out, listed
+        self._motor: str | None = None
+        self._run: Run | None = None
+        self._is_busy = self._is_stale = False
+        self._result: ShutdownResult | None = None
+        self._soon = Soon()
+        text = pn.widgets.TextInput
+        self._readings = pn.widgets.TextAreaInput(
+            name="Seconds since switch-off, and reading", placeholder=EXAMPLE,
+            rows=12, max_length=MOST_CHARACTERS, width=300,
+        )  # fmt: skip
+        self._head = pn.widgets.Select(name="Reading", options=HEADS, width=300)
+        self._cold = text(name="Cold resistance, same circuit and unit", width=300)
+        self._cold_at = text(name="at [°C]", width=140)
+        self._sink = text(name="Coolant [°C]", width=140)
+        self._with_run = pn.widgets.Checkbox(name="", visible=False)
+        self._name = text(name="Name of the folder", value="switch_off", width=200)
+        self._save = pn.widgets.Button(name="Save", width=90, align="end", disabled=True)
+        self._save.on_click(lambda _: self._write())
+        self._said, self._saved = text_pane(), text_pane()
+        self._figure = pn.pane.PNG(None, sizing_mode="scale_width", max_width=760, visible=False)
+        self._now: dict[str, str] = {}
+        for key, field in (("readings", self._readings), ("cold", self._cold),
+                           ("cold_at", self._cold_at), ("sink", self._sink)):  # fmt: skip
+            for name in ("value", "value_input"):  # the second while something is typed
+                field.param.watch(partial(self._take, key), name)
+        for choice in (self._head, self._with_run):
+            choice.param.watch(lambda _: self._soon(self._ask), "value")
+        asked = pn.Column(
+            self._head, self._readings, self._cold, pn.FlexBox(self._cold_at, self._sink),
+            self._with_run, pn.FlexBox(self._name, self._save), self._saved, width=320,
+        )  # fmt: skip
+        answer = pn.Column(self._figure, self._said, styles={"flex": "1 1 380px"}, min_width=300)
+        self.view = pn.FlexBox(asked, answer)
+
+    def offer(self, motor: str | None, run: Run | None) -> None:
+        """Take another machine, or another run.
+
+        Args:
+            motor: The motor file as the page lists it, or None.
+            run: The run that is chosen, whose time constants may be taken.
+        """
+        self._motor, self._run = motor, run
+        self._with_run.visible = run is not None
+        self._with_run.name = "" if run is None else f"Time constants of run {run.path.name}"
+        self._ask()
+
+    def _take(self, key: str, event: Any) -> None:
+        if self._now.get(key, "") != (event.new or ""):
+            self._now[key] = event.new or ""
+            self._soon(self._ask)
+
+    def _ask(self) -> None:
+        """Work out beside the page what stands on it; once more where it has changed meanwhile."""
+        if self._is_busy:
+            self._is_stale = True
+            return
+        typed, name = Typed(head=str(self._head.value), **self._now), self._motor
+        run = self._run if self._with_run.value else None
+        if name is None or not typed.readings.strip():
+            what = "Choose a motor file in the side panel" if name is None else "Type readings"
+            self._show(message("note", f"{what}."))
+            return
+        self._is_busy = True
+
+        def work() -> ShutdownResult | str:
+            try:
+                return answer(typed, self._reader.motor(name), run)
+            except InputError as error:
+                return error_message(error)
+            except Exception as error:
+                return problem("readings", error)
+
+        def show(found: ShutdownResult | str) -> None:
+            self._is_busy = False
+            self._show(found)
+            if self._is_stale:
+                self._is_stale = False
+                self._ask()
+
+        in_background(work, show)
+
+    def _show(self, found: ShutdownResult | str) -> None:
+        self._result = None if isinstance(found, str) else found
+        self._save.disabled = self._result is None
+        self._saved.object = ""
+        self._said.object = found if isinstance(found, str) else shutdown_html(found)
+        self._figure.visible = self._result is not None
+        if self._result is not None:
+            self._figure.object = figure(self._result)
+
+    def _write(self) -> None:
+        if self._result is None:
+            return
+        try:
+            folder = self._out / run_name(str(self._name.value), "switch_off")
+            write(self._result, folder)
+        except InputError as error:
+            self._saved.object = error_message(error)
+            return
+        self._saved.object = message("note", f"Written into {folder.name}.")
+        self._listed()
+
+
+def answer(typed: Typed, motor: Motor, run: Run | None) -> ShutdownResult:
+    """Return the winding at switch-off of what stands on the page.
+
+    Raises:
+        InputError: If a number is none, or the readings are none of a winding that cools.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "readings.csv"
+        path.write_text(typed.table(), encoding="utf-8")
+        try:
+            return winding_at_switch_off(
+                typed.machine(motor), path, run=None if run is None else run.path
+            )
+        except InputError as error:
+            where = error.where.replace(str(path), "readings")
+            raise InputError(error.problem, where=where, remedy=error.remedy) from None
+
+
+def _row(line: str, place: int) -> tuple[float, float]:
+    """Return time and reading of a line: `30 0,0162`, `30; 16.2`, `0:30<tab>16.2` or `30,16.2`."""
+    text = line.strip()
+    parts = re.split(r"\s*[;\t]\s*|\s+", text) if re.search(r"[;\s]", text) else text.split(",")
+    if len(parts) == 2:
+        try:
+            minutes, _, seconds = parts[0].rstrip(",").rpartition(":")
+            time_s = 60.0 * float(minutes or 0.0) + float(seconds.replace(",", "."))
+            return time_s, float(parts[1].replace(",", "."))
+        except ValueError:
+            pass
+    raise InputError(
+        f"Expected a time and a reading, got {text[:40]!r}.",
+        where=f"readings, line {place}",
+        remedy="Such as 30 16.62 or 0:30 16,62.",
+    )
+
+
+def _number(text: str, where: str) -> float:
+    try:
+        return float(text.strip().replace(",", "."))
+    except ValueError:
+        raise InputError(
+            f"Expected a number, got {text[:40]!r}.", where=where, remedy="Such as 12.4."
+        ) from None
