@@ -240,12 +240,14 @@ def test_steps_without_the_slope_end_where_newton_does(rto, rng8, monkeypatch):
     monkeypatch.setattr(rto_module, "MOST_SLOPES", 12)
     asked.clear()
     newton = rto.draw(200, np.random.default_rng(4))
-    assert sum(asked) > 3.0 * 200
+    assert sum(asked) > 2.0 * 200
     is_found, is_both = np.isfinite(drawn.log_density), np.isfinite(newton.log_density)
     assert np.mean(is_found != is_both) < 0.02  # a few draws have no place, and no method finds one
     is_both &= is_found
     assert np.mean(is_both) > 0.8
-    np.testing.assert_allclose(drawn.vectors[is_both], newton.vectors[is_both], atol=2e-3)
+    sd = np.sqrt(np.diag(rto.fit.covariance))
+    apart = np.abs(drawn.vectors - newton.vectors)[is_both] / sd
+    assert np.max(apart) < 5.0 * rto_module.CLOSE
 
 
 def test_a_short_test_is_sampled_without_mcmc(short):

@@ -30,7 +30,7 @@ Reference: V. Elvira, L. Martino, D. Luengo, M. F. Bugallo, Generalized Multiple
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -56,8 +56,9 @@ MOST_STEPS, MOST_SLOPES = 12, 5
 """Steps to where the model has the drawn s, of Broyden's and then of Newton's method: what these
 have not found is nowhere."""
 
-CLOSE = 1e-4
-"""How far the s that was found may be from the one that was drawn [standard deviations]."""
+CLOSE = 1e-2
+"""How far the s that was found may be from the one that was drawn [standard deviations]; the
+density is that of the one that was found."""
 
 AT_A_TIME = 16
 """Draws that a thread takes at a time."""
@@ -133,9 +134,13 @@ class Rto:
 
     def log_density(self, vectors: Float[np.ndarray, "draw all"]) -> Float[np.ndarray, " draw"]:
         """Return the log density of vectors from elsewhere [nat]."""
+        return self.log_given(vectors) + self.log_noise(vectors[:, -NUM_NOISE:])
+
+    def log_given(self, vectors: Float[np.ndarray, "draw all"]) -> Float[np.ndarray, " draw"]:
+        """Return the log density of the parameters given the noise [nat]."""
         z, noise_z = vectors[:, :-NUM_NOISE], vectors[:, -NUM_NOISE:]
         given = _log_density(self._seen(z, noise_z), self._linear(noise_z)[1])
-        return np.where(np.isfinite(given), given, -np.inf) + self.log_noise(noise_z)
+        return np.where(np.isfinite(given), given, -np.inf)
 
     def log_noise(self, noise_z: Float[np.ndarray, "draw noise"]) -> Float[np.ndarray, " draw"]:
         """Return the log density of the noise [nat]."""
@@ -364,7 +369,7 @@ GOOD = 0.1
 """Effective sample size over draws with which no other place is looked for [1]."""
 
 MOST_ROUNDS = 16
-"""Rounds around one optimum whose draws count, at most."""
+"""Rounds around an optimum whose draws count, at most."""
 
 
 def sample_rto(fit: Fit, kernels: Kernels, rng: np.random.Generator) -> Weighted | None:
@@ -378,17 +383,22 @@ def sample_rto(fit: Fit, kernels: Kernels, rng: np.random.Generator) -> Weighted
     Returns:
         The draws, or None where they leave out an optimum of the fit.
     """
-    rounds, found = _rounds(fit, fit.z, kernels, rng)
+    around = [_learned(fit, fit.z, kernels, rng)]
+    found = around[0][0].weighted
     if not np.any(found.weights):
         return None
-    around = [rounds]
-    is_covered = covered(fit, found)
     for number, mode in enumerate(fit.modes):
-        if not is_covered[number]:
-            around.append(_rounds(fit, mode, kernels, rng)[0])
+        if not covered(fit, found)[number]:
+            around.append(_learned(fit, mode, kernels, rng))
             found = _pooled(around)
-            is_covered = covered(fit, found)
-    return found if np.all(is_covered) else None
+    for _ in range(MOST_ROUNDS - 1):
+        if found.is_sound or not np.any(found.weights):
+            break
+        noise_z = Kernels.over(found.vectors[:, -NUM_NOISE:], truncated(found.weights), rng)
+        for part in around:
+            part.append(_Round.of(replace(part[0].proposal, kernels=(noise_z,)), rng))
+        found = _pooled(around)
+    return found if np.all(covered(fit, found)) else None
 
 
 def covered(fit: Fit, weighted: Weighted) -> Bool[np.ndarray, " mode"]:
@@ -440,11 +450,14 @@ class _Round:
         proposal: The proposal.
         drawn: The draws.
         weighted: The same with their weights.
+        elsewhere: Log density of the draws given their noise around other optima, by the place of
+            those [nat]; filled in where it is asked for.
     """
 
     proposal: Rto
     drawn: Drawn
     weighted: Weighted
+    elsewhere: dict[int, Float[np.ndarray, " draw"]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, proposal: Rto, rng: np.random.Generator) -> _Round:
@@ -458,27 +471,23 @@ class _Round:
         )
 
 
-def _rounds(
+def _learned(
     fit: Fit, optimum: Float[np.ndarray, " parameter"], kernels: Kernels, rng: np.random.Generator
-) -> tuple[list[_Round], Weighted]:
-    """Return the rounds around one optimum that count, all of one centre, and their draws."""
+) -> list[_Round]:
+    """Return the best of a few rounds around one optimum, each from where the last one leads, as
+    long as that is better.
+    """
     rounds = [_Round.of(Rto.around(fit, optimum, kernels), rng)]
     while len(rounds) < LEARNING and rounds[-1].weighted.effective_size < GOOD * NUM_DRAWS:
         weights = truncated(rounds[-1].weighted.weights)
-        if not np.any(weights):
+        sizes = [each.weighted.effective_size for each in rounds]
+        if not np.any(weights) or sizes[-1] < max(sizes):
             break
         vectors = rounds[-1].drawn.vectors
         noise_z = Kernels.over(vectors[:, -NUM_NOISE:], weights, rng)
         mean = weights @ vectors[:, :-NUM_NOISE]
         rounds.append(_Round.of(Rto.around(fit, mean, noise_z), rng))
-    kept = [max(rounds, key=lambda each: each.weighted.effective_size)]
-    found = kept[0].weighted
-    while np.any(found.weights) and not found.is_sound and len(kept) < MOST_ROUNDS:
-        noise_z = Kernels.over(found.vectors[:, -NUM_NOISE:], truncated(found.weights), rng)
-        latest = replace(kept[0].proposal, kernels=(noise_z,))
-        kept.append(_Round.of(latest, rng))
-        found = _pooled([kept])
-    return kept, found
+    return [max(rounds, key=lambda each: each.weighted.effective_size)]
 
 
 def _pooled(around: Sequence[Sequence[_Round]]) -> Weighted:
@@ -488,19 +497,19 @@ def _pooled(around: Sequence[Sequence[_Round]]) -> Weighted:
     parts = tuple(_joined(rounds) for rounds in around)
     counts = np.array([len(rounds) for rounds in around], dtype=float)
     proposal = parts[0] if len(parts) == 1 else Several(parts, counts / np.sum(counts))
-    vectors, log_posterior, proposed = [], [], []
-    for part, rounds in zip(parts, around, strict=True):
-        drawn = np.concatenate([each.drawn.vectors for each in rounds])
-        density = _density(part, rounds)
+    rounds = [(place, each) for place, part in enumerate(around) for each in part]
+    densities = []
+    for place, each in rounds:
+        own = _density(parts[place], each)
         if isinstance(proposal, Several):
-            density = proposal.mean(
-                [density if each is part else each.log_density(drawn) for each in parts]
-            )
-        vectors.append(drawn)
-        log_posterior += [each.weighted.log_density for each in rounds]
-        proposed.append(density)
-    rows, of_rows, drawn_with = map(np.concatenate, (vectors, log_posterior, proposed))
-    return Weighted.of(rows, of_rows, drawn_with, proposal)
+            own = proposal.mean([
+                own if other == place else _density_elsewhere(parts[other], other, each)
+                for other in range(len(parts))
+            ])  # fmt: skip
+        densities.append(own)
+    vectors = np.concatenate([each.drawn.vectors for _, each in rounds])
+    log_posterior = np.concatenate([each.weighted.log_density for _, each in rounds])
+    return Weighted.of(vectors, log_posterior, np.concatenate(densities), proposal)
 
 
 def _joined(rounds: Sequence[_Round]) -> Rto:
@@ -509,11 +518,17 @@ def _joined(rounds: Sequence[_Round]) -> Rto:
     return replace(rounds[0].proposal, kernels=kernels)
 
 
-def _density(joined: Rto, rounds: Sequence[_Round]) -> Float[np.ndarray, " draw"]:
-    """Return the log density of the draws of all rounds [nat], which share that given the noise."""
-    densities = []
-    for each in rounds:
-        noise_z = each.drawn.vectors[:, -NUM_NOISE:]
-        given = each.drawn.log_density - each.proposal.log_noise(noise_z)
-        densities.append(given + joined.log_noise(noise_z))
-    return np.concatenate(densities)
+def _density(joined: Rto, own: _Round) -> Float[np.ndarray, " draw"]:
+    """Return the log density of a round's draws by all rounds around its optimum [nat], which share
+    that given the noise.
+    """
+    noise_z = own.drawn.vectors[:, -NUM_NOISE:]
+    return own.drawn.log_density - own.proposal.log_noise(noise_z) + joined.log_noise(noise_z)
+
+
+def _density_elsewhere(other: Rto, place: int, drawn: _Round) -> Float[np.ndarray, " draw"]:
+    """Return that of draws by the rounds around another optimum [nat]."""
+    vectors = drawn.drawn.vectors
+    if place not in drawn.elsewhere:
+        drawn.elsewhere[place] = other.log_given(vectors)
+    return drawn.elsewhere[place] + other.log_noise(vectors[:, -NUM_NOISE:])
