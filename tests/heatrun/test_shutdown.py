@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.linalg import expm
 
@@ -253,6 +254,13 @@ def test_the_command_writes_what_it_says(tmp_path, capsys):
     assert permitted["value"] == 105.0
     assert permitted["margin_K"] == pytest.approx(105.0 - said["rise_K"])
     assert (tmp_path / "out" / "shutdown.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "out" / "shutdown.pdf").read_bytes().startswith(b"%PDF")
+    book = pd.read_excel(tmp_path / "out" / "shutdown.xlsx", sheet_name=None)
+    budget, read = book["Budget"].set_index("source"), book["Readings"]
+    combined = budget["contribution [K]"]["combined, first order (GUM)"]
+    assert combined == pytest.approx(said["gum_uncertainty_K"], rel=1e-6)
+    assert list(budget.index[: len(said["budget"])]) == [row["source"] for row in said["budget"]]
+    assert read["reading [°C]"].count() == TIME_S.size
     table = np.genfromtxt(tmp_path / "out" / "readings.csv", delimiter=",", names=True)
     np.testing.assert_allclose(table["time_s"], TIME_S)
     assert cli.main([*command, "-v"]) == 0

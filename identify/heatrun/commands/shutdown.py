@@ -44,7 +44,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "(default: 5)",
     )
     words.add_seed(parser)
-    words.add_out(parser, "folder for shutdown.json, readings.csv and shutdown.png (default: none)")
+    words.add_out(parser, "folder for the results: JSON, PDF, XLSX, figure, curve (default: none)")
     words.add_force(parser)
     words.add_verbose(parser, "the uncertainty budget and how the file was read")
     words.add_json(parser)
@@ -55,8 +55,9 @@ def run(options: argparse.Namespace) -> int:
     """Print the temperature with its interval; write the files if asked."""
     from ..results import to_json
     from ..shutdown.job import winding_at_switch_off
-    from ..shutdown.printed import text, write
+    from ..shutdown.printed import text
     from ..shutdown.result import as_content
+    from ..shutdown.sheet import write_results
 
     if options.model is not None and options.run is None:
         raise UsageError("--model names a network of a run: give --run too")
@@ -72,7 +73,7 @@ def run(options: argparse.Namespace) -> int:
         seed=options.seed,
     )
     if options.out is not None:
-        for path in write(result, options.out, is_replacing=options.force):
+        for path in write_results(result, options.out, is_replacing=options.force):
             say(str(path))
     if options.json:
         print(to_json(as_content(result)))

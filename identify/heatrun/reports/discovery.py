@@ -32,14 +32,12 @@ VERDICTS = {
 }
 
 LIMITS = (
-    "An effect is accepted only if a clean record would reach its score in fewer than 5 % of "
-    "cases, its amplitude is physical and significantly different from zero, it passes "
-    "cross-validation (RMSE better by 10 % and 0.05 K at least), it closes a gap that matters, and "
-    "no held-out test is predicted worse. The laws of the catalogue stand for the machine's own; a "
-    "name says which of them fits, not that no other could.",
-    "The evidence takes the noise as estimated with room for the whole catalogue; its capped "
-    "correlation time and the spread between physical laws are why a rival that closes nearly the "
-    "whole gap counts as tied whatever the evidence says.",
+    "An effect is in the model where half of the evidence asks for it, beside all others that are, "
+    "and where it closes more than 0.05 K. Held-out tests have no say in it. The laws of the "
+    "catalogue stand for the machine's own: a name says which of them fits, not that no other "
+    "could.",
+    "Half of the evidence counts because no law is an exact copy. A rival is told where it would "
+    "explain the greater part of what the effect does, with a probability above 5 %.",
 )
 
 

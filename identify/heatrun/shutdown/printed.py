@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import io
 import math
-from pathlib import Path
 
 import numpy as np
 
-from ..io.whole_files import is_other, refuse_replacing, writable, write_whole
-from ..results import to_json
 from .cooling import NUM_DRAWS
-from .result import Limit, ShutdownResult, as_content
+from .result import Limit, ShutdownResult
 
 COLOURS = ("#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's palette, which colour-blind readers can tell apart."""
@@ -80,18 +77,26 @@ def _by_hand(result: ShutdownResult) -> list[str]:
     ]
 
 
+LEAST_SHARE = 5e-4
+"""Of a source that has a row of its own where people read [1]; files hold all."""
+
 BUDGET = ("source", "u", "K per unit", "K", "share")
 """Headings of the budget; u is the standard uncertainty."""
 
 
 def budget_cells(result: ShutdownResult) -> list[tuple[str, str, str, str, str]]:
-    """Return the budget, a row for each source, in the columns of `BUDGET`."""
+    """Return the budget in the columns of `BUDGET`; sources without a share in one row."""
     rows = []
-    for row in result.budget:
+    rest = [row for row in result.budget if row.share < LEAST_SHARE]
+    for row in result.budget[: len(result.budget) - len(rest)]:
         sd, slope = row.standard_uncertainty, row.sensitivity
         u = "" if sd is None else f"{sd:.2g} {row.unit.removeprefix('1')}".rstrip()
         c = "" if slope is None else f"{slope:.3g}"
         rows.append((row.source, u, c, f"{row.contribution_K:.3f}", f"{100 * row.share:.1f} %"))
+    if rest:
+        part = math.hypot(*(row.contribution_K for row in rest))
+        share = f"{100 * sum(row.share for row in rest):.1f} %"
+        rows.append((f"{len(rest)} others", "", "", f"{part:.3f}", share))
     return rows
 
 
@@ -148,28 +153,3 @@ def figure(result: ShutdownResult) -> bytes:
     stream = io.BytesIO()
     drawn.savefig(stream, format="png", dpi=150, metadata={"Software": None})
     return stream.getvalue()
-
-
-def write(result: ShutdownResult, folder: Path, *, is_replacing: bool = False) -> list[Path]:
-    """Write `shutdown.json`, `readings.csv` and `shutdown.png`.
-
-    Args:
-        result: The result.
-        folder: Where to; it is made.
-        is_replacing: Whether another result that stands there is replaced.
-
-    Raises:
-        InputError: If the folder cannot be written, or holds another result.
-    """
-    contents = {
-        "shutdown.json": (to_json(as_content(result)) + "\n").encode(),
-        "readings.csv": table(result),
-        "shutdown.png": figure(result),
-    }
-    if not is_replacing and is_other(folder / "shutdown.json", contents["shutdown.json"]):
-        refuse_replacing(folder / "shutdown.json", "another result")
-    with writable("the result", folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, content in contents.items():
-            write_whole(folder / name, content)
-    return [folder / name for name in contents]

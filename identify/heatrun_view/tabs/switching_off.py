@@ -15,8 +15,9 @@ import panel as pn
 from heatrun.errors import InputError
 from heatrun.record.motor import Motor
 from heatrun.shutdown.job import winding_at_switch_off
-from heatrun.shutdown.printed import figure, write
+from heatrun.shutdown.printed import figure
 from heatrun.shutdown.result import ShutdownResult
+from heatrun.shutdown.sheet import write_results
 
 from ..background import Soon, in_background
 from ..look import text_pane
@@ -179,7 +180,9 @@ class SwitchingOff:
             return
         try:
             folder = self._out / run_name(str(self._name.value), "switch_off")
-            write(self._result, folder)
+            if folder.exists():
+                raise InputError(f"{folder.name} exists.", remedy="Choose another name.")
+            write_results(self._result, folder)
         except InputError as error:
             self._saved.object = error_message(error)
             return

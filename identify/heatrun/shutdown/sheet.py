@@ -1,0 +1,197 @@
+"""The winding at switch-off on paper and as a workbook."""
+
+from __future__ import annotations
+
+import io
+import tempfile
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xlsxwriter
+
+from ..io.whole_files import (
+    NO_DATE,
+    is_other,
+    refuse_replacing,
+    stated_moment,
+    writable,
+    write_whole,
+)
+from ..reports.pdf import typeset
+from ..reports.xlsx_cells import Cells, write
+from ..results import to_json
+from ..version import __version__
+from .printed import budget_cells, budget_sum, figure, hand_cells, table, text
+from .result import ShutdownResult, as_content
+
+TEMPLATE = resources.files("heatrun.shutdown") / "shutdown.typ"
+
+AS_TEXT = {
+    "strings_to_formulas": False,
+    "strings_to_urls": False,
+    "strings_to_numbers": False,
+    "in_memory": True,
+}
+"""Text from outside is never a formula, a link or a number."""
+
+
+def content(result: ShutdownResult) -> dict[str, Any]:
+    """Return the words of the sheet."""
+    answer, *lines = text(result).split("\n\n")[0].splitlines()
+    return {
+        "title": _clean(result.motor),
+        "version": f"heatrun {__version__}",
+        "answer": answer,
+        "lines": lines,
+        "hand": hand_cells(result),
+        "budget": budget_cells(result),
+        "sum": budget_sum(result),
+        "notes": [
+            *map(_clean, result.notes),
+            f"{_clean(result.readings)}, SHA-256 {result.sha256}",
+        ],
+    }
+
+
+def pdf(result: ShutdownResult) -> bytes:
+    """Return the sheet as PDF."""
+    with tempfile.TemporaryDirectory() as name:
+        drawn = Path(name) / "figure.png"
+        drawn.write_bytes(figure(result))
+        return typeset(TEMPLATE, content(result), [drawn], Path(name) / "sheet.pdf").read_bytes()
+
+
+def xlsx(result: ShutdownResult) -> bytes:
+    """Return the workbook: the answer, the budget in live formulas, the readings with a chart."""
+    stream = io.BytesIO()
+    with xlsxwriter.Workbook(stream, AS_TEXT) as book:
+        book.set_properties({"created": stated_moment() or NO_DATE})
+        cells = Cells(book)
+        _answer(book, cells, result)
+        _budget(book, cells, result)
+        _readings(book, cells, result)
+    return stream.getvalue()
+
+
+def write_results(
+    result: ShutdownResult, folder: Path, *, is_replacing: bool = False
+) -> list[Path]:
+    """Write `shutdown.json`, sheet and workbook, `readings.csv` and the figure.
+
+    Args:
+        result: The result.
+        folder: Where to; it is made.
+        is_replacing: Whether another result that stands there is replaced.
+
+    Raises:
+        InputError: If the folder cannot be written, or holds another result.
+    """
+    contents = {
+        "shutdown.json": (to_json(as_content(result)) + "\n").encode(),
+        "readings.csv": table(result),
+        "shutdown.png": figure(result),
+        "shutdown.pdf": pdf(result),
+        "shutdown.xlsx": xlsx(result),
+    }
+    if not is_replacing and is_other(folder / "shutdown.json", contents["shutdown.json"]):
+        refuse_replacing(folder / "shutdown.json", "another result")
+    with writable("the result", folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, content in contents.items():
+            write_whole(folder / name, content)
+    return [folder / name for name in contents]
+
+
+def _answer(book: Any, cells: Cells, result: ShutdownResult) -> None:
+    sheet = book.add_worksheet("Switch-off")
+    said = content(result)
+    for row, line in enumerate((said["title"], said["answer"], *said["lines"])):
+        sheet.write_string(row, 0, line, cells.bold if row < 2 else None)
+    row = 3 + len(said["lines"])
+    rows = [
+        ("winding", result.winding_degC, result.winding_95_degC, "°C"),
+        ("rise", result.rise_K, result.rise_95_K, "K"),
+        *((f"left to {one.name}", one.margin_K, one.margin_95_K, "K") for one in result.limits),
+    ]
+    sheet.write_row(row, 0, ("", "median", "2.5 %", "97.5 %", "unit"), cells.bold)
+    for name, value, (low, high), unit in rows:
+        row += 1
+        for column, one in enumerate((name, value, low, high, unit)):
+            write(sheet, row, column, one, cells.digits(1))
+    sheet.write_row(row + 2, 0, ("by hand", "winding [°C]", "difference [K]"), cells.bold)
+    for one in result.by_hand:
+        off = one.degC - result.winding_degC
+        for column, value in enumerate((one.method, one.degC, off)):
+            write(sheet, row + 3, column, value, cells.digits(1))
+        row += 1
+    for note in said["notes"]:
+        sheet.write_string(row + 4, 0, note)
+        row += 1
+    sheet.set_column(0, 0, 44)
+    sheet.set_column(1, 4, 14)
+
+
+def _budget(book: Any, cells: Cells, result: ShutdownResult) -> None:
+    """Write the budget; contribution, share and their sum follow from its cells."""
+    sheet = book.add_worksheet("Budget")
+    head = ("source", "standard uncertainty", "unit", "K per unit", "contribution [K]", "share")
+    sheet.write_row(0, 0, head, cells.bold)
+    last = 1 + len(result.budget)
+    share = book.add_format({"num_format": "0.0%"})
+    for row, one in enumerate(result.budget, start=1):
+        for column, value in enumerate((one.source, one.standard_uncertainty, one.unit,
+                                        one.sensitivity)):  # fmt: skip
+            write(sheet, row, column, value)
+        if one.standard_uncertainty is None:
+            write(sheet, row, 4, one.contribution_K, cells.digits(3))
+        else:
+            product = f"=ABS(B{row + 1}*D{row + 1})"
+            sheet.write_formula(row, 4, product, cells.digits(3), one.contribution_K)
+        part = f"=E{row + 1}^2/SUMSQ(E$2:E${last})"
+        sheet.write_formula(row, 5, part, share, one.share)
+    sheet.write_string(last, 0, "combined, first order (GUM)", cells.bold)
+    total = f"=SQRT(SUMSQ(E2:E{last}))"
+    sheet.write_formula(last, 4, total, cells.digits(3), result.gum_uncertainty_K)
+    sheet.write_string(last + 1, 0, "by draws (JCGM 101)", cells.bold)
+    write(sheet, last + 1, 4, result.standard_uncertainty_K, cells.digits(3))
+    sheet.set_column(0, 0, 40)
+    sheet.set_column(1, 5, 18)
+
+
+def _readings(book: Any, cells: Cells, result: ShutdownResult) -> None:
+    sheet = book.add_worksheet("Readings")
+    head = ("time since switch-off [s]", "reading [°C]", "winding [°C]", "2.5 %", "97.5 %")
+    sheet.write_row(0, 0, head, cells.bold)
+    time_s = np.union1d(result.time_s, result.reading_time_s)
+    low, middle, high = (np.interp(time_s, result.time_s, one) for one in result.curve_degC)
+    read = dict(zip(result.reading_time_s.tolist(), result.reading_degC.tolist(), strict=True))
+    for row, values in enumerate(zip(time_s, middle, low, high, strict=True), start=1):
+        for column, value in zip((0, 2, 3, 4), values, strict=True):
+            write(sheet, row, column, float(value), cells.digits(2))
+        write(sheet, row, 1, read.get(float(values[0])), cells.digits(2))
+    sheet.set_column(0, 4, 22)
+    chart, last = book.add_chart({"type": "scatter", "subtype": "straight"}), time_s.size
+    dots = {"type": "circle", "size": 4}
+    for column, line, marker in (
+        (1, {"none": True}, dots),
+        (2, {"width": 1.5}, {"type": "none"}),
+        (3, {"width": 0.75, "dash_type": "dash"}, {"type": "none"}),
+        (4, {"width": 0.75, "dash_type": "dash"}, {"type": "none"}),
+    ):
+        cells_of = {"categories": ["Readings", 1, 0, last, 0],
+                    "values": ["Readings", 1, column, last, column]}  # fmt: skip
+        name = ["Readings", 0, column]
+        chart.add_series({"name": name, **cells_of, "line": line, "marker": marker})
+    chart.set_x_axis({"name": head[0], "major_gridlines": {"visible": False}, "min": 0})
+    lowest = 10.0 * np.floor(float(np.min(low)) / 10.0)
+    chart.set_y_axis({"name": "°C", "min": lowest})
+    chart.set_legend({"position": "bottom"})
+    chart.set_size({"width": 760, "height": 420})
+    sheet.insert_chart("G2", chart)
+
+
+def _clean(words: str) -> str:
+    """Return a name without control characters."""
+    return "".join(c if c.isprintable() else "?" for c in words)
