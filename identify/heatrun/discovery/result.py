@@ -14,6 +14,7 @@ from msgspec import UNSET
 from ..calibration import Calibration
 from ..effects.engine import Candidate
 from ..effects.missing import Sight
+from ..effects.search import MATTERS_K
 from ..effects.search import gap as closed
 from ..model.noise import from_scores
 from ..model.parameters import qualified
@@ -118,8 +119,8 @@ def _fate(found: Discovery, effect: Candidate, sight: Sight | None) -> tuple[Sta
             return ("tied" if effect in asked.tied(each) else "rejected"), place
     if effect in asked.best.effects:
         return "rejected", (
-            "the evidence asks for it, but what it closes of the gap is less than the laws of the "
-            "other effects leave open: the intervals allow for it"
+            "the evidence asks for it, but half of the evidence does not, or it closes less than "
+            f"{MATTERS_K} K: the intervals allow for it"
         )
     if sight is not None and not sight.is_visible:
         noise = float(from_scores(asked.core.noise_z).total())
