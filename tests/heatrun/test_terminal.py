@@ -89,6 +89,18 @@ def test_what_decides_a_verdict_is_never_hidden_and_comes_next(stored):
     assert "Next: add a test with several steps of load and a cool-down" in lines
 
 
+def test_the_next_step_is_about_the_instrument_that_the_verdict_names(stored):
+    far = [
+        Finding(id="instrument_beyond_prior", severity="warning", message=f"{name} is far.",
+                where=next(reversed(stored.models.values())).title, remedy=f"Check {name}.",
+                values={name: 1.0, "prior_sd": score})
+        for name, score in (("sensor_offset", 3.4), ("ambient_offset", -19.2))
+    ]  # fmt: skip
+    said = result_text(replace(stored, findings=tuple(far)))
+    assert "ambient_offset stands 19.2 standard deviations" in said.splitlines()[0]
+    assert "Next: Check ambient_offset." in said
+
+
 def test_a_warning_of_the_other_network_alone_is_left_to_the_rest(stored):
     (misfit,) = (one for one in stored.findings if one.id == "misfit")
     assert "first-order" in misfit.message

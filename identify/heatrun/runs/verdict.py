@@ -127,10 +127,15 @@ def restrictions(result: FitResult) -> list[str]:
 
 
 def deciding(result: FitResult) -> list[Finding]:
-    """Return the findings that restrict the use of the favoured network, the gravest first."""
+    """Return the findings that restrict the use of the favoured network, the gravest first; of
+    parameters, the one that stands farthest from its prior.
+    """
     found = [f for f in result.findings if f.severity != "note" and concerns(f, result)]
     ranks = {id: rank for rank, id in enumerate(DECIDING)}
-    return sorted((f for f in found if f.id in ranks), key=lambda finding: ranks[finding.id])
+    return sorted(
+        (f for f in found if f.id in ranks),
+        key=lambda f: (ranks[f.id], -abs(f.values.get("prior_sd") or 0.0)),
+    )
 
 
 def judged(result: FitResult) -> FitResult:
