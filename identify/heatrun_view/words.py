@@ -13,8 +13,13 @@ from heatrun.reports.terminal import ranked, verdict_lines
 from heatrun.results import DiscoveryResult, FitResult
 from heatrun.results.model import MissingSpan
 from heatrun.runs.verdict import favoured
-from heatrun.shutdown.printed import BUDGET, budget_cells, budget_sum, hand_cells
-from heatrun.shutdown.printed import text as shutdown_lines
+from heatrun.shutdown.printed import (
+    BUDGET,
+    answer_lines,
+    budget_cells,
+    budget_sum,
+    hand_cells,
+)
 from heatrun.shutdown.result import ShutdownResult
 
 
@@ -129,10 +134,9 @@ def discovery_html(result: DiscoveryResult) -> str:
 
 def shutdown_html(result: ShutdownResult) -> str:
     """Return the winding at switch-off: the answer, what is left, by hand, where from it is."""
-    first, *rest = shutdown_lines(result).split("\n\n")[0].splitlines()
-    kind = "h3" if result.is_determinable else "p class='error'"
+    first, *rest = answer_lines(result)
     return "".join([
-        f"<{kind}>{escape(first)}</{kind.split()[0]}>",
+        f"<h3>{escape(first)}</h3>" if result.is_determinable else message("error", first),
         *(f"<p>{escape(line)}</p>" for line in rest),
         "<h3>By hand from the same readings</h3>",
         table(("method", "winding [°C]", "difference [K]"), hand_cells(result)),

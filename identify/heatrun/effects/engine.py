@@ -208,16 +208,14 @@ class Engine:
             return np.asarray(means), np.asarray(slope)
 
         found = at_once(some, jobs) if len(jobs) > 1 else [some(job) for job in jobs]
+        means = [np.zeros(0)] * len(self.tests)
+        jacobians = [np.zeros((test.measured.size, len(columns))) for test in self.tests]
+        for (index, chunk), (means[index], slope) in zip(jobs, found, strict=True):
+            jacobians[index][:, chunk] = -self.tests[index].own(slope)[:, : len(chunk)]
         rows: list[np.ndarray] = []
         slopes: list[np.ndarray] = []
-        for index, test in enumerate(self.tests):
-            jacobian = np.zeros((test.measured.size, len(columns)))
-            means = None
-            for (of, chunk), (means_of, slope) in zip(jobs, found, strict=True):
-                if of == index:
-                    means = means_of
-                    jacobian[:, chunk] = -test.own(slope)[:, : len(chunk)]
-            residual, is_sound = self._sound(test, test.own(means))
+        for test, of_test, jacobian in zip(self.tests, means, jacobians, strict=True):
+            residual, is_sound = self._sound(test, test.own(of_test))
             rows.append(residual)
             slopes.append(np.where(is_sound[:, None], np.nan_to_num(jacobian), 0.0))
         return np.concatenate(rows), np.concatenate(slopes)

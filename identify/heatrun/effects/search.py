@@ -65,7 +65,7 @@ MATTERS_K = 0.05
 """Gap that an effect in the model closes at least [K]: less is within the errors of instruments."""
 
 EXPLAINS = 0.5
-"""Share of what an effect explains, in mean squares, that another in its place explains [1]."""
+"""Share of what an effect explains, in mean squares, that a rival explains at least [1]."""
 
 COARSE = 0.5
 """Share of the evidence that counts for what is in the model [1]: what the laws of the effects

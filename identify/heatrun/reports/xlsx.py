@@ -27,7 +27,7 @@ from ..runs.verdict import favoured
 from .certificate import judged
 from .figures import COLOURS
 from .printed import COVERAGE_FACTOR
-from .xlsx_cells import Cells, add_certificate, write
+from .xlsx_cells import AS_TEXT, Cells, add_certificate, write
 
 FIRST = 3
 """Row of the first sample (counted from 0)."""
@@ -198,19 +198,11 @@ def write_xlsx(
         path: Where it goes; written whole or not at all.
         say: The texts in the language of the content; None for English.
     """
-    # text from outside is never a formula, a link or a number
-    options = {
-        "strings_to_formulas": False,
-        "strings_to_urls": False,
-        "strings_to_numbers": False,
-        "nan_inf_to_errors": False,
-        "in_memory": True,
-    }
     say = say or Texts()
     network = favoured(result)
     model = result.models[network]
     buffer = io.BytesIO()
-    with xlsxwriter.Workbook(buffer, options) as book:
+    with xlsxwriter.Workbook(buffer, AS_TEXT) as book:
         book.set_properties({"created": stated_moment() or NO_DATE})
         cells = Cells(book)
         add_certificate(book, cells, result, content, say)

@@ -20,6 +20,15 @@ from ..runs.verdict import favoured
 from .certificate import ON_PAGE_1, parameter_lines
 from .printed import format_value, interval_ends, places_of, printed
 
+AS_TEXT = {
+    "strings_to_formulas": False,
+    "strings_to_urls": False,
+    "strings_to_numbers": False,
+    "nan_inf_to_errors": False,
+    "in_memory": True,
+}
+"""Options of a workbook: text from outside is never a formula, a link or a number."""
+
 
 class Cells:
     """Formats of a workbook, each made once.

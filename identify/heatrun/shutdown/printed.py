@@ -21,30 +21,34 @@ def text(result: ShutdownResult, *, verbose: bool = False) -> str:
         result: The result.
         verbose: Whether the budget and how the file was read follow.
     """
-    low, high = result.winding_95_degC
-    lines = []
-    if result.is_determinable:
-        lines += [
-            f"Winding at switch-off: {result.winding_degC:.1f} °C (95 % {low:.1f} … {high:.1f} °C)",
-            f"Rise over the sink of {result.sink_degC:.1f} °C: {result.rise_K:.1f} K "
-            f"(95 % {result.rise_95_K[0]:.1f} … {result.rise_95_K[1]:.1f} K)",
-        ]
-        lines += [_limit(one) for one in result.limits]
-    else:
-        lines += [
-            f"NOT DETERMINABLE: {result.reason}",
-            f"The readings allow {low:.1f} … {high:.1f} °C (95 %) at switch-off.",
-        ]
-    lines.append(
-        f"First reading {result.first_reading_s:.0f} s after switch-off: "
-        f"{result.reading_degC[0]:.1f} °C; scatter {result.scatter_K:.2g} K; prior of "
-        f"{result.prior}"
-    )
-    lines += ["", "By hand from the same readings", *_by_hand(result)]
+    lines = [*answer_lines(result), "", "By hand from the same readings", *_by_hand(result)]
     if verbose:
         lines += ["", "Uncertainty budget (GUM)", *_budget(result)]
         lines += ["", *result.notes]
     return "\n".join(lines)
+
+
+def answer_lines(result: ShutdownResult) -> list[str]:
+    """Return the answer, what is left to the limits, and what it comes from."""
+    low, high = result.winding_95_degC
+    if result.is_determinable:
+        lines = [
+            f"Winding at switch-off: {result.winding_degC:.1f} °C (95 % {low:.1f} … {high:.1f} °C)",
+            f"Rise over the sink of {result.sink_degC:.1f} °C: {result.rise_K:.1f} K "
+            f"(95 % {result.rise_95_K[0]:.1f} … {result.rise_95_K[1]:.1f} K)",
+            *map(_limit, result.limits),
+        ]
+    else:
+        lines = [
+            f"NOT DETERMINABLE: {result.reason}",
+            f"The readings allow {low:.1f} … {high:.1f} °C (95 %) at switch-off.",
+        ]
+    return [
+        *lines,
+        f"First reading {result.first_reading_s:.0f} s after switch-off: "
+        f"{result.reading_degC[0]:.1f} °C; scatter {result.scatter_K:.2g} K; prior of "
+        f"{result.prior}",
+    ]
 
 
 def _limit(limit: Limit) -> str:
@@ -88,7 +92,7 @@ def budget_cells(result: ShutdownResult) -> list[tuple[str, str, str, str, str]]
     """Return the budget in the columns of `BUDGET`; sources without a share in one row."""
     rows = []
     rest = [row for row in result.budget if row.share < LEAST_SHARE]
-    for row in result.budget[: len(result.budget) - len(rest)]:
+    for row in (row for row in result.budget if row.share >= LEAST_SHARE):
         sd, slope = row.standard_uncertainty, row.sensitivity
         u = "" if sd is None else f"{sd:.2g} {row.unit.removeprefix('1')}".rstrip()
         c = "" if slope is None else f"{slope:.3g}"

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import xlsxwriter
 
+from ..io.quantities import clean
 from ..io.whole_files import (
     NO_DATE,
     is_other,
@@ -20,28 +21,20 @@ from ..io.whole_files import (
     write_whole,
 )
 from ..reports.pdf import typeset
-from ..reports.xlsx_cells import Cells, write
+from ..reports.xlsx_cells import AS_TEXT, Cells, write
 from ..results import to_json
 from ..version import __version__
-from .printed import budget_cells, budget_sum, figure, hand_cells, table, text
+from .printed import answer_lines, budget_cells, budget_sum, figure, hand_cells, table
 from .result import ShutdownResult, as_content
 
 TEMPLATE = resources.files("heatrun.shutdown") / "shutdown.typ"
 
-AS_TEXT = {
-    "strings_to_formulas": False,
-    "strings_to_urls": False,
-    "strings_to_numbers": False,
-    "in_memory": True,
-}
-"""Text from outside is never a formula, a link or a number."""
-
 
 def content(result: ShutdownResult) -> dict[str, Any]:
     """Return the words of the sheet."""
-    answer, *lines = text(result).split("\n\n")[0].splitlines()
+    answer, *lines = answer_lines(result)
     return {
-        "title": _clean(result.motor),
+        "title": clean(result.motor),
         "version": f"heatrun {__version__}",
         "answer": answer,
         "lines": lines,
@@ -49,18 +42,23 @@ def content(result: ShutdownResult) -> dict[str, Any]:
         "budget": budget_cells(result),
         "sum": budget_sum(result),
         "notes": [
-            *map(_clean, result.notes),
-            f"{_clean(result.readings)}, SHA-256 {result.sha256}",
+            *map(clean, result.notes),
+            f"{clean(result.readings)}, SHA-256 {result.sha256}",
         ],
     }
 
 
-def pdf(result: ShutdownResult) -> bytes:
-    """Return the sheet as PDF."""
+def pdf(result: ShutdownResult, drawn: bytes) -> bytes:
+    """Return the sheet as PDF.
+
+    Args:
+        result: The result.
+        drawn: Its figure.
+    """
     with tempfile.TemporaryDirectory() as name:
-        drawn = Path(name) / "figure.png"
-        drawn.write_bytes(figure(result))
-        return typeset(TEMPLATE, content(result), [drawn], Path(name) / "sheet.pdf").read_bytes()
+        path = Path(name) / "figure.png"
+        path.write_bytes(drawn)
+        return typeset(TEMPLATE, content(result), [path], Path(name) / "sheet.pdf").read_bytes()
 
 
 def xlsx(result: ShutdownResult) -> bytes:
@@ -88,11 +86,12 @@ def write_results(
     Raises:
         InputError: If the folder cannot be written, or holds another result.
     """
+    drawn = figure(result)
     contents = {
         "shutdown.json": (to_json(as_content(result)) + "\n").encode(),
         "readings.csv": table(result),
-        "shutdown.png": figure(result),
-        "shutdown.pdf": pdf(result),
+        "shutdown.png": drawn,
+        "shutdown.pdf": pdf(result, drawn),
         "shutdown.xlsx": xlsx(result),
     }
     if not is_replacing and is_other(folder / "shutdown.json", contents["shutdown.json"]):
@@ -190,8 +189,3 @@ def _readings(book: Any, cells: Cells, result: ShutdownResult) -> None:
     chart.set_legend({"position": "bottom"})
     chart.set_size({"width": 760, "height": 420})
     sheet.insert_chart("G2", chart)
-
-
-def _clean(words: str) -> str:
-    """Return a name without control characters."""
-    return "".join(c if c.isprintable() else "?" for c in words)

@@ -80,6 +80,25 @@ def _figure(run: Run, path: Path) -> str:
     return f'<img src="{source}" alt="{escape(path.stem)}" style="{style}">'
 
 
+def typed_number(text: str, where: str, such_as: str) -> float:
+    """Return a number that was typed, with a decimal point or comma.
+
+    Args:
+        text: As typed.
+        where: What it is asked for.
+        such_as: An example.
+
+    Raises:
+        InputError: If it is none.
+    """
+    try:
+        return float(text.strip().replace(",", "."))
+    except ValueError:
+        raise InputError(
+            f"Expected a number, got {text[:40]!r}.", where=where, remedy=f"Such as {such_as}."
+        ) from None
+
+
 def run_name(text: str, default: str) -> str:
     """Return the name of a run folder: letters, digits and `._-`, no folders.
 

@@ -19,7 +19,7 @@ from ..look import text_pane
 from ..motor_text import create_motor_file
 from ..reading import Reader, problem
 from ..words import error_message, message
-from .run_view import run_name
+from .run_view import run_name, typed_number
 
 LONGEST_LABEL = 90
 WIDE = "stretch_width"
@@ -148,7 +148,9 @@ class Start:
         try:
             stem = run_name(str(self._name.value).removesuffix(".toml"), "motor")
             typed = {name: str(asked.value).strip() for name, asked in self._numbers.items()}
-            numbers = {name: _number(name, text) for name, text in typed.items() if text}
+            numbers = {
+                name: typed_number(text, name, "0.0062") for name, text in typed.items() if text
+            }
             columns = {channel: side for row in self._rows for channel, side in row.said.items()}
             text = draft(name_of(self._surveys), self._surveys, is_accepted=True, numbers=numbers,
                          columns=columns)  # fmt: skip
@@ -161,12 +163,3 @@ class Start:
 
 def _name(gap: Gap) -> str:
     return gap.channel or gap.key
-
-
-def _number(name: str, text: str) -> float:
-    try:
-        return float(text.replace(",", "."))
-    except ValueError:
-        raise InputError(
-            f"Expected a number, got {text[:40]!r}.", where=name, remedy="Such as 0.0062."
-        ) from None

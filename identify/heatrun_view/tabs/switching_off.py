@@ -24,7 +24,7 @@ from ..look import text_pane
 from ..reading import Reader, problem
 from ..runs import Run
 from ..words import error_message, message, shutdown_html
-from .run_view import run_name
+from .run_view import run_name, typed_number
 
 HEADS = {"resistance [mΩ]": "R [mOhm]", "resistance [Ω]": "R [Ohm]",
          "sensor in the winding [°C]": "T [degC]"}  # fmt: skip
@@ -58,12 +58,14 @@ class Typed:
         """Return the machine with what is stated on the page."""
         stated: dict[str, object] = {}
         if self.cold.strip() and self.head in OHMS:
-            ohm = OHMS[self.head] * _number(self.cold, "cold resistance")
+            ohm = OHMS[self.head] * typed_number(self.cold, "cold resistance", "12.4")
             stated |= {"measured_resistance_ohm": ohm}
         if self.cold_at.strip():
-            stated["reference_temperature_degC"] = _number(self.cold_at, "its temperature")
+            stated["reference_temperature_degC"] = typed_number(
+                self.cold_at, "its temperature", "12.4"
+            )
         if self.sink.strip():
-            degC = _number(self.sink, f"temperature of the {motor.sink}")
+            degC = typed_number(self.sink, f"temperature of the {motor.sink}", "25")
             stated["constants"] = {**motor.constants, f"{motor.sink}_degC": degC}
         # the columns are those of this page, not of a logger
         return replace(motor, columns={}, tests={}, **stated)
@@ -149,15 +151,16 @@ class SwitchingOff:
             return
         self._is_busy = True
 
-        def work() -> ShutdownResult | str:
+        def work() -> tuple[ShutdownResult, bytes] | str:
             try:
-                return answer(typed, self._reader.motor(name), run)
+                found = answer(typed, self._reader.motor(name), run)
+                return found, figure(found)
             except InputError as error:
                 return error_message(error)
             except Exception as error:
                 return problem("readings", error)
 
-        def show(found: ShutdownResult | str) -> None:
+        def show(found: tuple[ShutdownResult, bytes] | str) -> None:
             self._is_busy = False
             self._show(found)
             if self._is_stale:
@@ -166,14 +169,12 @@ class SwitchingOff:
 
         in_background(work, show)
 
-    def _show(self, found: ShutdownResult | str) -> None:
-        self._result = None if isinstance(found, str) else found
+    def _show(self, found: tuple[ShutdownResult, bytes] | str) -> None:
+        self._result, drawn = (None, None) if isinstance(found, str) else found
         self._save.disabled = self._result is None
         self._saved.object = ""
-        self._said.object = found if isinstance(found, str) else shutdown_html(found)
-        self._figure.visible = self._result is not None
-        if self._result is not None:
-            self._figure.object = figure(self._result)
+        self._said.object = found if isinstance(found, str) else shutdown_html(found[0])
+        self._figure.object, self._figure.visible = drawn, drawn is not None
 
     def _write(self) -> None:
         if self._result is None:
@@ -224,12 +225,3 @@ def _row(line: str, place: int) -> tuple[float, float]:
         where=f"readings, line {place}",
         remedy="Such as 30 16.62 or 0:30 16,62.",
     )
-
-
-def _number(text: str, where: str) -> float:
-    try:
-        return float(text.strip().replace(",", "."))
-    except ValueError:
-        raise InputError(
-            f"Expected a number, got {text[:40]!r}.", where=where, remedy="Such as 12.4."
-        ) from None
