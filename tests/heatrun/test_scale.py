@@ -102,6 +102,28 @@ def test_a_test_that_starts_warm_does_not_hide_how_fast_the_winding_is(motor):
         assert low < true < high, name
 
 
+@pytest.mark.parametrize("lag_s", [0.0, 30.0, 90.0])
+def test_a_load_that_goes_tells_the_scale_however_late_a_sensor_shows_it(motor, lag_s):
+    """A coil, whose winding is most of it: 0.2 W of standby are left, and it is no load step."""
+    C_w, C_sr, R_w, R_sr, ambient = 4000.0, 6000.0, 0.15, 0.22, 22.0
+    time = np.arange(0.0, 7200.0, 2.0)
+    losses = np.where(time < 3600.0, 300.0, 0.2 + 0.1 * np.sin(time / 50.0))
+    winding, stator, sensor, read = ambient, ambient, ambient, []
+    for watts in losses:
+        read.append(sensor)
+        sensor += min(2.0 / lag_s, 1.0) * (winding - sensor) if lag_s else winding - sensor
+        to_stator = (winding - stator) / R_w
+        winding += 2.0 * (watts - to_stator) / C_w
+        stator += 2.0 * (to_stator - (stator - ambient) / R_sr) / C_sr
+    channels = {
+        "time_s": time, "phase_current_A": np.sqrt(losses), "losses_W": losses,
+        "ambient_degC": np.full(time.size, ambient), "winding_degC": np.array(read),
+    }  # fmt: skip
+    scale = scale_of_tests([reduce(Record("coil", channels), motor)])
+    assert scale is not None
+    assert C_w / 3.0 < scale.capacity < 3.0 * C_w
+
+
 def test_pulses_of_the_winding_do_not_hide_the_body(motor):
     """An S3 duty of 10 min: the winding swings, and the machine behind it is ten times as large."""
     time = np.arange(0.0, 4500.0, 2.0)

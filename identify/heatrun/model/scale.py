@@ -107,6 +107,10 @@ OF_LOSS = 0.1
 NUM_STRETCHES, FEWEST_STRETCHES = (30, 15), 8
 """Stretches of a test whose heat is balanced, short and long, and the fewest that say something."""
 
+GONE = 0.5
+"""Share of the loss that is left where a load goes, at most [1]: a smaller change is beside what
+else changes the temperature."""
+
 LEAST_RISE_K = 1.0
 """Rise below which a test has no scale [K]."""
 
@@ -279,8 +283,8 @@ def _around(parameter: Parameter, default: str, centre: float, sd: float, basis:
 def _warming(test: Blocks, copper_ohm: float) -> tuple[float, float, float, float] | None:
     """Return power [W] and slope [K/s] of the fastest change, mean loss [W] and rise [K].
 
-    That is the fastest warming, or the fastest cooling after a loss that has gone, whichever takes
-    less heat for a kelvin.
+    That is the fastest warming, or what changes where a load goes, whichever takes less heat for a
+    kelvin.
     """
     loss, sink = _drives(test, copper_ohm)
     seen = np.flatnonzero(test.is_observed)
@@ -295,10 +299,14 @@ def _warming(test: Blocks, copper_ohm: float) -> tuple[float, float, float, floa
     rise = float(test.measured[top] - sink[top])
     mean_loss = float(np.mean(loss[: top + 1]))
     changes = [(float(np.mean(loss[window])), float(slope[first]))]
-    last = int(np.argmin(slope))
-    before, after = loss[max(0, seen[last] - num) : seen[last] + 1], loss[seen[last] + 1 :][:num]
-    if after.size:
-        changes.append((float(np.mean(before) - np.mean(after)), -float(slope[last])))
+    means = np.convolve(loss, np.ones(num) / num, "valid")
+    ends = seen[num:-num]  # last blocks before a change, with as long a stretch behind it
+    if ends.size:
+        before, after = means[ends - num + 1], means[np.minimum(ends + 1, means.size - 1)]
+        last = int(np.argmax(before - after))
+        if after[last] < GONE * before[last]:
+            change = slope[last] - slope[last + num]
+            changes.append((float(before[last] - after[last]), float(change)))
     changes = [(watts, rate) for watts, rate in changes if watts > 0.0 and rate > 0.0]
     if rise < LEAST_RISE_K or mean_loss <= 0.0 or not changes:
         return None
