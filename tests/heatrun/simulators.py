@@ -76,8 +76,8 @@ def modelica_error(made, parameters):
     import rumoca
 
     rows = vectors_of(replace(made, step=60.0))
-    outputs = [name for name in rows.dtype.names if name.endswith("_degC") and "sink" not in name]
     inputs = [name for name in dict.fromkeys(INPUTS.values()) if name in rows.dtype.names]
+    outputs = [name for name in rows.dtype.names if name.endswith("_degC") and name not in inputs]
     around = "".join(f"parameter Real {name} = 0; " for name in inputs)
     around += "equation " + "".join(f"it.{name} = {name}; " for name in inputs)
     text = modelica(made, parameters).decode()

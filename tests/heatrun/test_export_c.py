@@ -118,9 +118,12 @@ def replay(folder, made, *words):
 OF_LAWS = {"fan_cooling.g": 0.8, "ac_copper_loss.k": 0.3, "stray_load_loss.k": 60.0,
            "iron_loss_in_winding.k": 25.0, "rotor_node.P": 60.0, "rotor_node.rise": 12.0,
            "rotor_node.m": 0.9, "neighbour_body.C": 4000.0, "housing_node.x": 0.3,
-           "end_winding_node.f": 0.4, "end_winding_node.p": 0.3,
+           "end_winding_node.f": 0.4, "end_winding_node.p": 0.3, "natural_convection.f": 0.4,
+           "insulation_conductivity.b": 0.002, "loss_gain.g": -0.03, "external_loss.k": 0.1,
+           "copper_coefficient.dB": -8.0, "ambient_recirculation.r": 0.004,
            "sensor_lag.tau": 20.0}  # fmt: skip
 
+OF_SECOND = tuple(law for law in LAWS if law not in ("speed_loss", "winding_node"))
 alone = partial(pytest.param, marks=pytest.mark.slow)
 """One law by itself; together they are in each run of the tests."""
 
@@ -129,13 +132,14 @@ alone = partial(pytest.param, marks=pytest.mark.slow)
 @pytest.mark.parametrize(
     ("network", "effects", "values"),
     [
-        ("first", (), {}),
+        ("first", ("winding_node", "radiation"), {}),
         ("four", (), {}),
-        ("second", tuple(law for law in LAWS if law != "speed_loss"), OF_LAWS),
+        ("second", OF_SECOND, OF_LAWS),
         (network_of_text(TWO_SINKS, "sinks.toml"), (),
          {"P_mechanical_n": 30.0, "P_mechanical_n2": 5.0}),
         alone("second", (), {}),
-        *(alone("second", (law,), OF_LAWS) for law in LAWS if law != "speed_loss"),
+        alone("first", (), {}),
+        *(alone("second", (law,), OF_LAWS) for law in OF_SECOND),
         alone("second", ("ac_copper_loss", "iron_loss_in_winding"), OF_LAWS),
     ],
     ids=lambda value: "+".join(value) if isinstance(value, tuple) else None,
@@ -164,15 +168,18 @@ def is_as_lptn(folder, record, machine, network, effects, values):
 
 @pytest.fixture(scope="module")
 def every_law(half_hour, machine, tmp_path_factory):
-    """A folder with the source that holds all laws, and two sinks."""
-    laws = ("speed_cooling", "fan_cooling", "ac_copper_loss", "stray_load_loss",
-            "iron_loss_in_winding", "rotor_node", "end_winding_node", "sensor_lag")  # fmt: skip
-    values = {"fan_cooling.g": 0.8, "ac_copper_loss.k": 0.3, "stray_load_loss.k": 60.0,
-              "iron_loss_in_winding.k": 25.0, "sensor_lag.tau": 20.0,
-              "P_mechanical_n": 30.0, "P_mechanical_n2": 5.0}  # fmt: skip
-    network = network_of_text(TWO_SINKS, "sinks.toml")
+    """A folder with the source that holds all laws with an observer, and one with two sinks."""
     folder = tmp_path_factory.mktemp("every_law")
-    for name, text in source(half_hour, machine, network, laws, **values).texts().items():
+    network = network_of_text(TWO_SINKS, "sinks.toml")
+    sinks = source(half_hour, machine, network, ("end_winding_node", "sensor_lag"), **OF_LAWS,
+                   P_mechanical_n=30.0, P_mechanical_n2=5.0)  # fmt: skip
+    (folder / "sinks").mkdir()
+    for name, text in sinks.texts().items():
+        (folder / "sinks" / name).write_bytes(text)
+    laws = tuple(law for law in OF_SECOND if law not in ("neighbour_body", "housing_node"))
+    made = source(half_hour, machine, "second", laws, **OF_LAWS)
+    assert made.has_observer
+    for name, text in made.texts().items():
         (folder / name).write_bytes(text)
     return folder
 
@@ -189,6 +196,7 @@ def test_clang_warns_of_nothing(every_law, real):
     command = ["clang", *STRICT, f"-DHEATRUN_REAL={real}", "-fsyntax-only", "main.c",
                "thermal_network.c"]  # fmt: skip
     assert checked(every_law, *command) == (0, "")
+    assert checked(every_law / "sinks", *command) == (0, "")
 
 
 @pytest.mark.skipif(shutil.which("cppcheck") is None, reason="no cppcheck")
@@ -272,8 +280,13 @@ def run_observer(program, start, sd, rows):
     return found[:, 0:-2:2], found[:, 1:-2:2], found[:, -2], found[:, -1]
 
 
-def hidden_machine(seed, num=3600):
+def hidden_machine(seed, num=3600, eA=0.0):
     """A two-node machine with heat that the network misses, by Euler steps of 0.1 s.
+
+    Args:
+        seed: Of its noise.
+        num: Of seconds.
+        eA: Emissivity times surface of the stator [m2].
 
     Returns:
         Temperatures (step, node), rows of current, losses, sink and reading (step, 4).
@@ -289,6 +302,7 @@ def hidden_machine(seed, num=3600):
             copper = k * current**2 * (234.5 + T[0])
             across = (T[0] - T[1]) / v["Req_w"]
             out = (T[1] - 20.0) / v["Req_sr"]
+            out += 5.67e-8 * eA * ((T[1] + 273.15) ** 4 - 293.15**4)
             winding = copper - across + missed[0]
             stator = loss - copper + across - out + missed[1]
             T = T + 0.1 * np.array([winding / v["Ceq_w"], stator / v["Ceq_sr"]])
@@ -306,15 +320,18 @@ def steady(half_hour):
 
 
 @needs_compiler
+@pytest.mark.parametrize("eA", [0.0, 0.6], ids=["linear", "radiating"])
 @pytest.mark.parametrize("words", [(), ("-DHEATRUN_REAL=float",)], ids=["double", "float"])
 def test_an_observer_that_starts_30_K_wrong_is_right_within_its_band(
-    tmp_path, steady, machine, words
+    tmp_path, steady, machine, words, eA
 ):
-    course, rows = hidden_machine(seed=1)
-    T, sd, status, sensor = observed(tmp_path, source(steady, machine), 30.0, 30.0, rows, *words)
+    course, rows = hidden_machine(seed=1, eA=eA)
+    effects = ("radiation",) if eA else ()
+    made = source(steady, machine, "second", effects, **{"radiation.eA": eA})
+    T, sd, status, sensor = observed(tmp_path, made, 30.0, 30.0, rows, *words)
     assert not status.any()
     assert not sensor.any()
-    assert course[0, 1] - T[0, 1] > 20.0  # the first reading says little of the stator
+    assert course[0, 1] - T[0, 1] > 15.0  # the first reading says little of the stator
     late = slice(900, None)
     assert np.all(sd[late] < 1.5)
     assert np.all(np.abs(T - course)[late] < 3.0 * sd[late])
@@ -520,9 +537,11 @@ def test_hostile_names_stay_inside_their_comment(tmp_path, half_hour, machine):
 
 
 def test_other_effects_are_refused_by_name(half_hour, machine):
-    with pytest.raises(InputError, match=r"not hold the law of radiation.*speed_cooling") as error:
-        source(half_hour, machine, "second", ("speed_cooling", "radiation"))
+    with pytest.raises(InputError, match=r"not hold the law of cooling_step: .* time") as error:
+        source(half_hour, machine, "second", ("speed_cooling", "cooling_step"))
     assert "--replica" in error.value.remedy
+    with pytest.raises(InputError, match="winding and body keep one temperature"):
+        source(half_hour, machine, "first", ("winding_node",), **{"winding_node.x": 1e-4})
 
 
 def test_a_step_that_no_drive_can_afford_is_refused(half_hour, machine):

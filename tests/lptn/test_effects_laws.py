@@ -99,6 +99,14 @@ def test_the_sink_sits_where_the_law_puts_it(kind, values, rise, moment):
     assert seen.conductance == base.conductance
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_surfaces_see_the_sink_whatever_order_effects_are_named_in(network, order):
+    wanted = [(Radiation, {"eA": 0.3}), (CoolantSink, {"a": 0.4}),
+              (AmbientRecirculation, {"r": 0.01})][::order]  # fmt: skip
+    found = [effect.card.id for effect in build_all(wanted, network)]
+    assert found == ["ambient_recirculation", "coolant_sink", "radiation"]
+
+
 def test_recirculation_goes_with_all_losses(moment):
     total = 700.0 if moment().losses.kind == "balance" else 700.0 + COPPER_W
     seen = moment(AmbientRecirculation, r=0.01)

@@ -16,6 +16,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import nnls
 
+from lptn.effects.surface import STEFAN_BOLTZMANN
+
 from ..errors import InputError
 from ..model.model import Model
 from ..record.samples import BLOCK_S
@@ -35,12 +37,49 @@ HEADER, SOURCE, HARNESS, VECTORS = "thermal_network.h", "thermal_network.c", "ma
 MOVED = {"iron_loss_in_winding": "k", "rotor_node": "P"}
 """Effects that move heat out of the other losses, and the parameter that says how much [W]."""
 
-LAWS = ("speed_cooling", "fan_cooling", "ac_copper_loss", *MOVED, "neighbour_body", "housing_node",
-        "end_winding_node", "stray_load_loss", "speed_loss", "sensor_lag")  # fmt: skip
-"""Effects whose laws the source holds; what they do to the reading is in the observer."""
+OF_NETWORK = {
+    "winding_resistance": {"g": "resistance_gain"},
+    "copper_coefficient": {"dB": "coefficient_more_degC"},
+    "standby_loss": {"P0": "standby_W"},
+    "loss_gain": {"g": "loss_gain"},
+    "ambient_recirculation": {"r": "recirculation_K_per_W"},
+    "coolant_sink": {"a": "coolant_share"},
+    "ac_copper_loss": {"k": "ac_copper"},
+    "stray_load_loss": {"k": "stray_W"},
+    "external_loss": {"k": "outside_share", "m": "outside_exponent"},
+}
+OF_LINK = {
+    "speed_cooling": {"g": "speed_gain", "m": "speed_exponent"},
+    "fan_cooling": {"g": "fan_gain"},
+    "natural_convection": {"f": "natural_share", "n": "natural_exponent"},
+    "insulation_conductivity": {"b": "warmth_gain_per_K"},
+}
+OF_NODE = {
+    "speed_loss": {"linear": "speed_loss_W", "square": "speed_squared_loss_W"},
+    "bearing_friction": {"T_f": "friction_Nm", "kappa": "friction_fall_per_K"},
+    "radiation": {"eA": "radiating_m2"},
+    **{id: {P: "moved_W", "n": "moved_exponent", "m": "moved_by_load"} for id, P in MOVED.items()},
+    "end_winding_node": {"f": "copper_moved"},
+}
+"""Member of `heatrun_parameters` for each parameter of the effects: one number, or one for each
+link or node, where it stands at that of the effect."""
 
-BY_SPEED = {"speed_cooling", "ac_copper_loss", *MOVED, "stray_load_loss", "speed_loss"}
+OF_READING = ("sensor_lag", "sensor_contact", "sensor_gain")
+"""What they do to the reading is in the observer; a gain is one of the bench's sensor."""
+
+LAWS = (*OF_LINK, *OF_NODE, *OF_NETWORK, "neighbour_body", "housing_node", "winding_node",
+        *OF_READING)  # fmt: skip
+"""Effects whose laws the source holds."""
+
+BY_SPEED = {"speed_cooling", "ac_copper_loss", *MOVED, "stray_load_loss", "speed_loss",
+            "external_loss", "bearing_friction"}  # fmt: skip
 """Those that take the speed."""
+
+BY_WARMTH = {"radiation", "natural_convection", "insulation_conductivity"}
+"""Those by which a network is not linear in its temperatures."""
+
+HOT_K = 200.0
+"""How far a node may be above 60 °C, or above the sink, for which a step is short enough [K]."""
 
 STEP_S = 1.0
 
@@ -65,7 +104,8 @@ UNLIKE_C = re.compile(r"[^A-Za-z0-9 .,:;()+=@_-]")
 """What text in a comment is escaped of: it can neither end the comment nor be a trigraph."""
 
 INPUTS = {"Is": "current_A", "Pd": "losses_W", "Pol": "losses_W", "Te": "sink_degC",
-          "Te2": "second_sink_degC", "speed_rpm": "speed_rpm", "fan": "fan"}  # fmt: skip
+          "Te2": "second_sink_degC", "coolant_degC": "coolant_degC", "speed_rpm": "speed_rpm",
+          "fan": "fan"}  # fmt: skip
 """Member of the struct of inputs by the name in `network.mat`, in the order of the struct."""
 
 
@@ -154,10 +194,10 @@ def refuse_lawless(ids: Iterable[str], where: str) -> None:
     """
     if lacking := lacking_laws(ids):
         raise InputError(
-            f"the C source does not hold the law of {', '.join(lacking)}, only those of "
-            f"{', '.join(LAWS)}.",
+            f"the C source does not hold the law of {', '.join(lacking)}: it goes with the time "
+            "since a test began, which a drive does not have, or is none of the catalogue's.",
             where=where,
-            remedy="Pass --replica for the nearest network without them, or export --to mat.",
+            remedy="Pass --replica for the nearest network without it, or export --to mat.",
         )
 
 
@@ -190,6 +230,13 @@ class CSource:
             InputError: If it lacks the law of an effect, or the step is not one for this network.
         """
         refuse_lawless((each["id"] for each in np.atleast_1d(of_run["effects"])), said["run"])
+        if any(each["id"] == "winding_node" for each in with_bodies(of_run)["effects"]):
+            raise InputError(
+                "the C source holds winding_node with the resistance of a machine alone, and here "
+                "winding and body keep one temperature.",
+                where=said["run"],
+                remedy="Export the first order without it, or --to mat.",
+            )
         if not 0.0 < step < math.inf:
             raise InputError(
                 f"expected a step above 0 s, got {step:g} s.",
@@ -221,8 +268,8 @@ class CSource:
     def inputs(self) -> list[str]:
         """Names in `network.mat` of what drives this network, in the order of the struct."""
         laws = {each["id"] for each in np.atleast_1d(self.found["effects"])}
-        is_used = {"speed_rpm": bool(laws & BY_SPEED),
-                   "fan": "fan_cooling" in laws}  # fmt: skip
+        is_used = {"speed_rpm": bool(laws & BY_SPEED), "fan": "fan_cooling" in laws,
+                   "coolant_degC": "coolant_sink" in laws}  # fmt: skip
         return [name for name in INPUTS if name in self.found and is_used.get(name, True)]
 
     @property
@@ -253,6 +300,10 @@ class CSource:
             if effect["id"] == "end_winding_node":
                 moved = float(effect["parameters"]["p"])
                 parts[self.nodes.index(effect["added"])] += moved
+                parts[self.nodes.index("winding")] -= moved
+            elif effect["id"] == "sensor_contact":
+                moved = float(effect["parameters"]["k"])
+                parts[self.nodes.index(effect["node"])] += moved
                 parts[self.nodes.index("winding")] -= moved
         return parts
 
@@ -350,6 +401,8 @@ class CSource:
             "has_second": str(int("Te2" in inputs)),
             "has_speed": str(int("speed_rpm" in inputs)),
             "has_fan": str(int("fan" in inputs)),
+            "has_coolant": str(int("coolant_degC" in inputs)),
+            "has_warmth": str(int(any(e["id"] in BY_WARMTH for e in found["effects"]))),
             **self.largest(),
             "node_enumerators": ",\n".join(
                 f"    HEATRUN_NODE_{name} = {i} /* {in_comment(node)} */"
@@ -363,41 +416,28 @@ class CSource:
     def parameters(self) -> dict[str, np.ndarray]:
         """Return the members of `heatrun_parameters` [their units]: shape (node,), (link,), ()."""
         found, nodes, links = self.found, self.nodes, links_of(self.found)
-        by_link = {name: np.zeros(len(links)) for name in ("speed_gain", "speed_exponent",
-                                                           "fan_gain")}  # fmt: skip
-        by_node = {name: np.zeros(len(nodes)) for name in ("speed_loss_W", "speed_squared_loss_W",
-                   "moved_W", "moved_exponent", "moved_by_load", "copper_moved")}  # fmt: skip
-        alone = dict.fromkeys(("ac_copper", "stray_W"), 0.0)
+        sizes = ((OF_NETWORK, ()), (OF_LINK, len(links)), (OF_NODE, len(nodes)))
+        numbers = {
+            member: np.zeros(size) for table, size in sizes for members in table.values()
+            for member in members.values()
+        }  # fmt: skip
         for effect in np.atleast_1d(found["effects"]):
-            q = effect["parameters"]
-            if effect["id"] == "speed_cooling":
-                place = links.index(tuple(effect["link"]))
-                by_link["speed_gain"][place], by_link["speed_exponent"][place] = q["g"], q["m"]
-            elif effect["id"] == "fan_cooling":
-                by_link["fan_gain"][links.index(tuple(effect["link"]))] = q["g"]
-            elif effect["id"] in MOVED:
-                place = nodes.index(effect.get("added", found["copper_node"]))
-                by_node["moved_W"][place] = q[MOVED[effect["id"]]]
-                by_node["moved_exponent"][place] = q["n"]
-                by_node["moved_by_load"][place] = q["m"]
-            elif effect["id"] == "end_winding_node":
-                by_node["copper_moved"][nodes.index(effect["added"])] = q["f"]
-            elif effect["id"] == "ac_copper_loss":
-                alone["ac_copper"] = q["k"]
-            elif effect["id"] == "stray_load_loss":
-                alone["stray_W"] = q["k"]
-            elif effect["id"] != "sensor_lag":  # it is the observer's alone
-                place = nodes.index(effect["node"])
-                by_node["speed_loss_W"][place] += q["linear"]
-                by_node["speed_squared_loss_W"][place] += q["square"]
+            place: tuple[int, ...] = ()
+            if effect["id"] in OF_LINK:
+                place = (links.index(tuple(effect["link"])),)
+            elif effect["id"] in OF_NODE:
+                node = effect.get("added", effect.get("node", found["copper_node"]))
+                place = (nodes.index(node),)
+            for table, _ in sizes:
+                for name, member in table.get(effect["id"], {}).items():
+                    numbers[member][place] += effect["parameters"][name]
         of_network = {
             "capacitance_J_per_K": np.atleast_1d(found["capacitance"]),
             "resistance_K_per_W": np.atleast_1d(found["resistance"]),
             "share": np.atleast_1d(found["share"]),
             "Rs0_ohm": found["Rs0"],
         }
-        numbers = {**of_network, **alone, **by_link, **by_node}
-        return {name: np.asarray(value, float) for name, value in numbers.items()}
+        return {name: np.asarray(value, float) for name, value in {**of_network, **numbers}.items()}
 
     def _tables(self) -> dict[str, str]:
         found = self.found
@@ -412,6 +452,7 @@ class CSource:
             "first": ", ".join(str(ends.index(a)) for a, _ in links),
             "second": ", ".join(str(ends.index(b)) for _, b in links),
             "coefficient": repr(float(found["B"])),
+            "reference": repr(float(found["Tref"])),
             "copper_per_ohm": repr(float(found["phases"] / (found["B"] + found["Tref"]))),
             "rated_speed": repr(float(found["rated_speed_rpm"])),
             "rated_current": repr(float(found["rated_current_A"])),
@@ -516,12 +557,20 @@ def _fastest(found: Mapping[str, Any]) -> float:
     """Return a bound of the fastest rate of the network at its limits [1/s]."""
     nodes = [str(node) for node in np.atleast_1d(found["nodes"])]
     conductance = 1.0 / np.atleast_1d(found["resistance"])
-    links = links_of(found)
+    links, radiating = links_of(found), np.zeros(len(nodes))
     for effect in np.atleast_1d(found["effects"]):
-        if "link" in effect:  # a conductance that rises, at twice its rated speed
-            place = links.index(tuple(effect["link"]))
-            conductance[place] *= 1.0 + 2.0 * effect["parameters"]["g"]
-    return float(np.max(2.0 * _by_node(conductance, links, nodes) / found["capacitance"]))
+        id, q = effect["id"], effect["parameters"]
+        if id == "radiation":
+            radiating[nodes.index(effect["node"])] += 4.0 * STEFAN_BOLTZMANN * q["eA"] * (60 + HOT_K + 273) ** 3
+        elif id in OF_LINK:
+            gain = (
+                1.0 + HOT_K * abs(q["b"]) if id == "insulation_conductivity"
+                else 1.0 + q["f"] * ((HOT_K / 40.0) ** q["n"] - 1.0) if id == "natural_convection"
+                else 1.0 + 2.0 * q["g"]  # at twice its rated speed
+            )  # fmt: skip
+            conductance[links.index(tuple(effect["link"]))] *= gain
+    from_node = 2.0 * _by_node(conductance, links, nodes) + radiating
+    return float(np.max(from_node / found["capacitance"]))
 
 
 def _rates(found: Mapping[str, Any]) -> np.ndarray:

@@ -31,11 +31,15 @@ NAME = "thermal_network"
 WRAPPER = "fmu.c"
 
 UNITS: Mapping[str, Mapping[str, str]] = {
+    "1/K": {"K": "-1"},
     "A": {"A": "1"},
     "J/K": {"kg": "1", "m": "2", "s": "-2", "K": "-1"},
+    "K": {"K": "1"},
     "K/W": {"kg": "-1", "m": "-2", "s": "3", "K": "1"},
+    "N.m": {"kg": "1", "m": "2", "s": "-2"},
     "Ohm": {"kg": "1", "m": "2", "s": "-3", "A": "-2"},
     "W": {"kg": "1", "m": "2", "s": "-3"},
+    "m2": {"m": "2"},
     "degC": {"K": "1", "offset": "273.15"},
     "rpm": {"s": "-1", "rad": "1", "factor": "0.10471975511965977"},
     "s": {"s": "1"},
@@ -123,6 +127,7 @@ def _variables(source: CSource, parameters: Sequence[Entry]) -> list[Variable]:
         "losses_W": ("W", source.losses_words, (-losses, losses)),
         "sink_degC": ("degC", f"temperature of the sink: {found['sink']}", TEMPERATURES),
         "second_sink_degC": ("degC", f"temperature of the sink: {second}", TEMPERATURES),
+        "coolant_degC": ("degC", "temperature of the coolant", TEMPERATURES),
         "speed_rpm": ("rpm", "speed, of either sign", (-speed, speed)),
         "fan": ("1", "fan or flow over its rated value", (0.0, 1.0)),
     }

@@ -6,10 +6,13 @@ Reference: Modelica Standard Library 4, Modelica.Thermal.HeatTransfer.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
+
+from lptn.effects.surface import STEFAN_BOLTZMANN
 
 from ..version import __version__
 from .c_file import INPUTS, CSource, filled_template, in_comment, links_of
@@ -48,7 +51,8 @@ def modelica(source: CSource, parameters: Sequence[Entry]) -> bytes:
     plain = dict(zip([*nodes, *sinks], unique([*nodes, *sinks], (), "_"), strict=True))
     inputs = [INPUTS[each] for each in source.inputs]
     resistors = list(unique((f"R_{plain[a]}_{plain[b]}" for a, b in links), (), "_"))
-    taken = {*KEYWORDS, *inputs, *resistors, "i", "s", "copper_W", "direct_W", "other_W", "stray_W"}
+    taken = {*KEYWORDS, *inputs, *resistors, "i", "s", "copper_W", "direct_W", "other_W", "stray_W",
+             "all_W", "warmed_degC"}  # fmt: skip
     for each in plain.values():
         taken |= {f"C_{each}", f"P_{each}", f"T_{each}", f"{each}_degC", f"{each}_start_degC",
                   f"moved_{each}_W"}  # fmt: skip
@@ -74,9 +78,11 @@ def modelica(source: CSource, parameters: Sequence[Entry]) -> bytes:
         parts.append(f"{HEAT}.Sources.PrescribedHeatFlow P_{plain[node]}")
         equations.append(f"connect(P_{plain[node]}.port, {C}.port)")
         equations.append(f"{plain[node]}_degC = {C}.T - {ZERO_K}")
-    for sink, signal in zip(sinks, ("sink_degC", "second_sink_degC"), strict=False):
+    for sink, signal in zip(sinks, ("warmed_degC", "second_sink_degC"), strict=False):
         parts.append(f"{HEAT}.Sources.PrescribedTemperature T_{plain[sink]}")
         equations.append(f"T_{plain[sink]}.T = {signal} + {ZERO_K}")
+    of_end = {**{n: f"{plain[n]}_degC" for n in nodes},
+              **dict(zip(sinks, ("warmed_degC", "second_sink_degC"), strict=False))}  # fmt: skip
     for i, (pair, R) in enumerate(zip(links, resistors, strict=True)):
         ohm = by_place["resistance_K_per_W", i]
         gains = []
@@ -84,6 +90,12 @@ def modelica(source: CSource, parameters: Sequence[Entry]) -> bytes:
             gains.append(f"(1 + {g}*s^{by_place['speed_exponent', i]})")
         if g := by_place.get(("fan_gain", i)):
             gains.append(f"(1 + {g}*fan)")
+        if f := by_place.get(("natural_share", i)):
+            theta = f"({of_end[pair[0]]} - {of_end[pair[1]]})"
+            n = by_place["natural_exponent", i]
+            gains.append(f"(1 - {f} + {f}*(({theta}^2 + 1)/1600)^({n}/2))")
+        if b := by_place.get(("warmth_gain_per_K", i)):
+            gains.append(f"(1 + {b}*({of_end[pair[0]]} - 60))")
         if gains:
             parts.append(f"{HEAT}.Components.Convection {R}")
             equations.append(f"{R}.Gc = {'*'.join(gains)}/{ohm}")
@@ -128,29 +140,31 @@ def _heats(
     """
     found, nodes = source.found, source.nodes
     is_balance = found["losses"] == "balance"
-    Rs0, ac, stray = (
-        by_place.get((each, None), "") for each in ("Rs0_ohm", "ac_copper", "stray_W")
-    )
+    Rs0, ac, stray, more_ohm, more_B, standby, gain, coolant, recirculation, outside = (
+        by_place.get((each, None), "")
+        for each in ("Rs0_ohm", "ac_copper", "stray_W", "resistance_gain", "coefficient_more_degC",
+                     "standby_W", "loss_gain", "coolant_share", "recirculation_K_per_W",
+                     "outside_share")
+    )  # fmt: skip
     B, T, phases = (float(found[each]) for each in ("B", "Tref", "phases"))
     copper_node = found["copper_node"]
-    copper = "0"
-    if Rs0:
-        copper = f"{phases:g}*{Rs0}*current_A^2*({B!r} + {plain[copper_node]}_degC)/{B + T!r}"
-    direct = copper
-    if ac:
-        copper += f"*(1 + {ac}*s^2)"
+    hot, members = f"{plain[copper_node]}_degC", {member for member, _ in by_place}
+    per_K = f"{phases:g}*{Rs0}*current_A^2/{B + T!r}"
+    direct = f"{per_K}*({B!r} + {hot})" if Rs0 else "0"
+    terms = [f"{ac}*s^2" if ac else "", more_ohm]
+    copper = "*".join(["direct_W", *([f"(1 + {' + '.join(filter(None, terms))})"] if any(terms) else [])])
+    if more_B and Rs0:
+        copper += f" + {per_K}*{more_B}/({B + T!r} + {more_B})*({T!r} - {hot})"
     equations = []
-    if {"speed_gain", "ac_copper", "stray_W", "moved_W"} & {member for member, _ in by_place}:
+    if {"speed_gain", "ac_copper", "stray_W", "moved_W", "outside_share"} & members:
         equations.append(f"s = abs(speed_rpm)/{float(found['rated_speed_rpm'])!r}")
-    if {"stray_W", "moved_W"} & {member for member, _ in by_place}:
+    if {"stray_W", "moved_W"} & members:
         equations.append(f"i = current_A/{float(found['rated_current_A'])!r}")
     if stray:
         equations.append(f"stray_W = {stray}*i^2*s^1.5")
         copper += " + stray_W" if is_balance else ""
-    equations.append(f"copper_W = {copper}")
+    equations += [f"direct_W = {direct}", f"copper_W = {copper}"]
     overhangs = {i: name for (member, i), name in by_place.items() if member == "copper_moved"}
-    if overhangs:
-        equations.append(f"direct_W = {direct}")
     by_speed = {}
     for i, node in enumerate(nodes):
         terms = [
@@ -166,8 +180,18 @@ def _heats(
             moved[node] = f"moved_{plain[node]}_W"
             by_load = f"max(1 + {m}*(i^2 - 1), 0)"
             equations.append(f"{moved[node]} = {P}*{by_load}*(if s > 0 then s^{n} else 0)")
-    out = "".join(f" - {each}" for each in ("copper_W", *by_speed.values()) if each)
-    equations.append(f"other_W = losses_W{out if is_balance else ''}")
+    given = "".join(["losses_W", *(f" - {each}" for each in by_speed.values() if each and is_balance)])
+    equations.append(f"all_W = {given}{'' if is_balance else ' + direct_W'}")
+    other = f"{given}{' - copper_W' if is_balance else ''}"
+    other += f" + {gain}*({'all_W' if is_balance else given})" if gain else ""
+    other += f" + {standby}" if standby else ""
+    if outside:
+        m = by_place.get(("outside_exponent", None), "0")
+        other += f" - {outside}*(if s > 0 then s^{m} else 0)*(all_W - direct_W)"
+    equations.append(f"other_W = {other}")
+    air = f"sink_degC + {recirculation}*all_W" if recirculation else "sink_degC"
+    mixed = f"(1 - {coolant})*({air}) + {coolant}*coolant_degC" if coolant else air
+    equations.append(f"warmed_degC = {mixed}")
     shared = " - ".join(["other_W", *moved.values()])
     shared += " + stray_W" if stray and not is_balance else ""
     shared = f"({shared})" if " " in shared else shared
@@ -179,6 +203,13 @@ def _heats(
         if i in overhangs:
             terms.append(f"{overhangs[i]}*direct_W")
         terms += [each for each in (by_speed[node], moved.get(node)) if each]
+        if torque := by_place.get(("friction_Nm", i)):
+            fall = by_place.get(("friction_fall_per_K", i), "0")
+            fading = f"exp(-{fall}*({plain[node]}_degC - warmed_degC))"
+            terms.append(f"{torque}*{math.pi / 30.0!r}*abs(speed_rpm)*{fading}")
+        if eA := by_place.get(("radiating_m2", i)):
+            hot_K, cold_K = (f"({each} + {ZERO_K})" for each in (f"{plain[node]}_degC", "warmed_degC"))
+            terms.append(f"(-{STEFAN_BOLTZMANN!r}*{eA}*({hot_K}^4 - {cold_K}^4))")
         equations.append(f"P_{plain[node]}.Q_flow = {' + '.join(terms) or '0'}")
     return equations
 

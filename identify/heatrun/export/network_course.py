@@ -13,6 +13,7 @@ import scipy.io
 
 from lptn import EFFECTS, CopperLosses, Inputs, Network, Sensor, SpeedLoss, longest_step, simulate
 from lptn.effects import AbstractEffect, HeatEffect, NodeEffect
+from lptn.effects.bodies import WindingNode
 from lptn.effects.sensors import SensorLag, TimeShift
 
 from .grid import Grid, Held
@@ -102,7 +103,8 @@ def simulate_held(
     """
     network, start = _network(found)
     effects = [_effect(each) for each in np.atleast_1d(found["effects"])]
-    parts = int(np.ceil(step / (SHARE_OF_LONGEST * float(longest_step(network)))))
+    longest = SHARE_OF_LONGEST * float(longest_step(_extended(network, effects)))
+    parts = int(np.ceil(step / longest))
     grid = Held(np.full(parts * held["Is"].size, step / parts), parts)
     fixed = {name: value for name, value in found.items() if name not in SIGNALS}
     inputs = _inputs({**fixed, **held}, grid)
@@ -129,8 +131,9 @@ def _network(found: Mapping[str, Any]) -> tuple[Network, dict[str, float]]:
 def with_bodies(found: Mapping[str, Any]) -> dict[str, Any]:
     """Return the variables of a network with the bodies that effects add among its nodes.
 
-    An effect that does nothing else is not among the effects any more; one that also moves heat
-    names the node that it has `added`.
+    An effect that does nothing else is not among the effects any more, nor is a `winding_node`
+    whose resistance is that of a machine; one that also moves heat names the node that it has
+    `added`.
 
     Args:
         found: As `simulate_network`.
@@ -146,8 +149,11 @@ def with_bodies(found: Mapping[str, Any]) -> dict[str, Any]:
             network, state = effect.extend(network), effect.start(state)
             (added,) = (node for node in network.nodes if node not in nodes)
             nodes.append(added)
-            links += [link for link in network.links if link not in links]
+            kept = [link for link in links if link in network.links]
+            links = [*kept, *(link for link in network.links if link not in kept)]
             if not isinstance(effect, HeatEffect):
+                continue
+            if isinstance(effect, WindingNode) and not effect.holds_back(network):
                 continue
             said = {**said, "added": added}
         effects.append(said)
@@ -202,11 +208,15 @@ def _inputs(found: Mapping[str, Any], grid: Grid | Held) -> Inputs:
     )
 
 
-def _longest(network: Network, effects: Sequence[AbstractEffect], time: np.ndarray) -> float:
+def _extended(network: Network, effects: Sequence[AbstractEffect]) -> Network:
     for effect in effects:
         if isinstance(effect, NodeEffect):
             network = effect.extend(network)
-    longest = SHARE_OF_LONGEST * float(longest_step(network))
+    return network
+
+
+def _longest(network: Network, effects: Sequence[AbstractEffect], time: np.ndarray) -> float:
+    longest = SHARE_OF_LONGEST * float(longest_step(_extended(network, effects)))
     if any(isinstance(effect, SensorLag | TimeShift) for effect in effects):
         sample = float(np.median(np.diff(time)))
         return min(longest, max(sample / LINES_PER_SAMPLE, SENSOR_STEP_S))

@@ -21,6 +21,20 @@ OF_EFFECTS = {
     "copper_moved": ("end_winding.f", "1", "share of the copper loss that heats {0}"),
     "ac_copper": ("ac_copper_loss.k", "1", "more copper loss at the rated speed"),
     "stray_W": ("stray_load_loss.k", "W", "stray loss at the rated speed and current"),
+    "resistance_gain": ("winding_resistance.g", "1", "gain of the phase resistance"),
+    "coefficient_more_degC": ("copper_coefficient.dB", "K", "B of R(T) beyond the material's"),
+    "standby_W": ("standby_loss.P0", "W", "loss at rest"),
+    "loss_gain": ("loss_gain.g", "1", "gain of the losses"),
+    "recirculation_K_per_W": ("ambient_recirculation.r", "K/W", "rise of the sink with the losses"),
+    "coolant_share": ("coolant_sink.a", "1", "share of the coolant in the sink"),
+    "outside_share": ("external_loss.k", "1", "losses that stay outside at the rated speed"),
+    "outside_exponent": ("external_loss.m", "1", "exponent of the speed in it"),
+    "friction_Nm": ("bearing_friction.{0}.T_f", "N.m", "friction torque of cold bearings"),
+    "friction_fall_per_K": ("bearing_friction.{0}.kappa", "1/K", "its fall with temperature"),
+    "radiating_m2": ("radiation.{0}.eA", "m2", "emissivity times surface"),
+    "natural_share": ("natural_convection.f", "1", "part of a conductance, natural convection"),
+    "natural_exponent": ("natural_convection.n", "1", "exponent of the difference in it"),
+    "warmth_gain_per_K": ("insulation_conductivity.b", "1/K", "gain of a conductance per kelvin"),
     "speed_loss_W": ("speed_loss.{0}.linear", "W", "loss of {0} at 1000 rpm by the speed"),
     "speed_squared_loss_W": (
         "speed_loss.{0}.square",
@@ -58,8 +72,10 @@ class Entry:
     def bounds(self) -> tuple[float, float]:
         """Between which it may be set: half and twice, and all of the interval [unit]."""
         values = (self.value, *(self.interval_95 or ()))
-        low, high = min(0.5 * self.value, *values), max(2.0 * self.value, *values)
-        return low, min(high, 0.5 * (1.0 + max(values))) if self.member == "share" else high
+        about = (0.5 * self.value, 2.0 * self.value)
+        low, high = min(*about, *values), max(*about, *values)
+        is_share = self.member.endswith("share")
+        return low, min(high, 0.5 * (1.0 + max(values))) if is_share else high
 
     @property
     def words(self) -> str:

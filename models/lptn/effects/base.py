@@ -331,7 +331,8 @@ def build_all(
 ) -> tuple[AbstractEffect, ...]:
     """Return effects with their parameters, each placed in the network that it will find.
 
-    An effect that rebuilds the base network comes first; the others keep their order.
+    An effect that rebuilds the base network comes first, then those of the sink, which surfaces and
+    bearings see: the ambient's, then the coolant's. The others keep their order.
 
     Args:
         wanted: Each effect with its parameters by name, in the units of its card.
@@ -341,7 +342,13 @@ def build_all(
         ValueError: As `build`.
     """
     built: list[AbstractEffect] = []
-    for kind, values in sorted(wanted, key=lambda each: not each[0].rebuilds):
+
+    def rank(each: tuple[type[AbstractEffect], Mapping[str, Any]]) -> tuple[bool, bool, str]:
+        card = each[0].card
+        is_sink = card.family == "sink"
+        return not each[0].rebuilds, not is_sink, card.id if is_sink else ""
+
+    for kind, values in sorted(wanted, key=rank):
         effect = build(kind, values, network)
         if kind.rebuilds and isinstance(effect, NodeEffect):
             network = effect.extend(network)

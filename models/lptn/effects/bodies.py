@@ -363,8 +363,7 @@ class WindingNode(NodeEffect, HeatEffect):
         self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
     ) -> Terms:
         """As `HeatEffect.apply`; nothing changes where the resistance is that of a machine."""
-        winding, sink = terms.network.copper_node, terms.network.boundary
-        capacity = terms.network.capacitance
+        winding, capacity = terms.network.copper_node, terms.network.capacitance
         C = capacity[winding] + capacity[BODY]
         c = capacity[winding] / C
         into_winding, into_body = terms.heat[winding], terms.heat[BODY]
@@ -375,9 +374,15 @@ class WindingNode(NodeEffect, HeatEffect):
             into_winding -= flow * ((link[0] == winding) - (link[1] == winding))
             into_body -= flow * ((link[0] == BODY) - (link[1] == BODY))
         apart = (1.0 - c) * into_winding - c * into_body
-        R = terms.network.resistance[BODY, sink]
-        held_back = 1.0 - jnp.minimum(1.0, LARGEST_PRODUCT * self._through(R, C))
-        return terms.move_heat(winding, BODY, held_back * apart)
+        return terms.move_heat(winding, BODY, self.holds_back(terms.network) * apart)
+
+    def holds_back(self, network: Network) -> Float[Array, ""]:
+        """Return the part of the heat that does not drive winding and body apart in an extended
+        network [1]: 0 where the resistance is that of a machine.
+        """
+        R = network.resistance[BODY, network.boundary]
+        C = network.capacitance[network.copper_node] + network.capacitance[BODY]
+        return 1.0 - jnp.minimum(1.0, LARGEST_PRODUCT * self._through(R, C))
 
     def _through(self, R: Float[Array, ""], C: Float[Array, ""]) -> Float[Array, ""]:
         """Return 1/(c (1-c)) of a machine with this resistance and time constant [1]."""

@@ -1,11 +1,17 @@
 /* heatrun export: the laws of thermal_network.h
  *
  * Each node:    C dT/dt = heat - flows out + flows in,  flow = g (T - T of the other end)
- * Copper loss:  Pjs = phases Rs0 I^2 (1 + k s^2) (B + T)/(B + Tref), T of the copper node
+ * Copper loss:  Pjs = phases Rs0 I^2 (B + T)/(B + Tref), T of the copper node; k s^2 Pjs + g Pjs
+ *               more by the speed and by another resistance, and what another B makes of it
  * Stray loss:   k' I^2 s^1.5, s speed over the rated one; in the copper node where losses hold all
- * Other losses: $other_words, shared to the nodes; of them P s^n (1 - m + m i^2) to one node, not
- *               below 0, i current over the rated one: teeth in the winding, rotor
- * Overhang:     a share of Pjs without k, taken from the copper node
+ * Other losses: $other_words, shared to the nodes, a gain of them and a standby loss added; of them
+ *               P s^n (1 - m + m i^2) to one node, not below 0, i current over the rated one: teeth
+ *               in the winding, rotor; and k s^m of them outside
+ * Overhang:     a share of Pjs, taken from the copper node
+ * Bearings:     Tf omega exp(-kappa (T - sink))
+ * Sink:         (1 - a) (sink + r times all losses) + a coolant
+ * Surface:      g (1 - f + f ((theta^2 + 1)/40^2)^(n/2)), theta over the link; radiation
+ * Insulation:   g (1 + b (T - 60)), T of the first end
  *
  * Classical Runge-Kutta in HEATRUN_PARTS equal parts of a step. The matrix of the network depends
  * on current and speed, so that an exact discretisation would need an exponential in every step.
@@ -23,6 +29,7 @@
 static const int FIRST_END[NUM_LINKS] = {$first};
 static const int SECOND_END[NUM_LINKS] = {$second};
 static const heatrun_real COEFFICIENT_DEGC = R($coefficient);
+static const heatrun_real REFERENCE_DEGC = R($reference);
 static const heatrun_real COPPER_PER_OHM_K = R($copper_per_ohm); /* phases/(B + Tref) */
 #if HEATRUN_HAS_SPEED
 static const heatrun_real RATED_SPEED_RPM = R($rated_speed);
@@ -35,6 +42,11 @@ const heatrun_parameters heatrun_identified = {
     {$share},
     R($Rs0_ohm),
     {$copper_moved},
+    R($resistance_gain),
+    R($coefficient_more_degC),
+    R($standby_W),
+    R($loss_gain),
+    R($recirculation_K_per_W),
 #if HEATRUN_HAS_SPEED
     {$speed_gain},
     {$speed_exponent},
@@ -45,23 +57,38 @@ const heatrun_parameters heatrun_identified = {
     {$moved_by_load},
     R($ac_copper),
     R($stray_W),
+    R($outside_share),
+    R($outside_exponent),
+    {$friction_Nm},
+    {$friction_fall_per_K},
 #endif
 #if HEATRUN_HAS_FAN
     {$fan_gain},
+#endif
+#if HEATRUN_HAS_COOLANT
+    R($coolant_share),
+#endif
+#if HEATRUN_HAS_WARMTH
+    {$radiating_m2},
+    {$natural_share},
+    {$natural_exponent},
+    {$warmth_gain_per_K},
 #endif
 };
 
 /* What stays the same during a step. */
 typedef struct {
     const heatrun_parameters *parameters;
-    heatrun_real coefficient_degC;
     heatrun_real copper_W_per_A2_K;
-    heatrun_real direct_W_per_A2_K; /* of it without k */
+    heatrun_real copper_gain; /* by the speed and by another resistance [1] */
     heatrun_real stray_W_per_A2;
     heatrun_real square_A2; /* of the current */
     heatrun_real losses_W;
     heatrun_real copper_in_losses; /* 1 where losses_W holds the copper loss, else 0 */
+    heatrun_real outside; /* share of the other losses [1] */
+    heatrun_real friction_W[NUM_NODES]; /* of cold bearings */
     heatrun_real sinks_degC[2];
+    heatrun_real recirculation_K_per_W;
     heatrun_real heat_W[NUM_NODES];
     heatrun_real conductance_W_per_K[NUM_LINKS];
 } drive;
@@ -85,6 +112,9 @@ static int is_valid(const heatrun_inputs *inputs)
 #if HEATRUN_HAS_SECOND_SINK
     valid = valid && is_temperature(inputs->second_sink_degC);
 #endif
+#if HEATRUN_HAS_COOLANT
+    valid = valid && is_temperature(inputs->coolant_degC);
+#endif
 #if HEATRUN_HAS_SPEED
     valid = valid
         && is_within(inputs->speed_rpm, R(-HEATRUN_MAX_SPEED_RPM), R(HEATRUN_MAX_SPEED_RPM));
@@ -95,13 +125,34 @@ static int is_valid(const heatrun_inputs *inputs)
     return valid;
 }
 
-#if HEATRUN_HAS_SPEED
-/* base^exponent for base >= 0 and an exponent from 0 to 8, to the last digits of the type:
- * logarithm and exponential by their series, after powers of two are taken out. */
-static heatrun_real power(heatrun_real base, heatrun_real exponent)
+#if HEATRUN_HAS_SPEED || HEATRUN_HAS_WARMTH
+/* exp(x) to the last digits of the type: its series, after powers of two are taken out. */
+static heatrun_real exponential(heatrun_real x)
 {
     const heatrun_real ln2 = R(0.69314718055994530942);
-    heatrun_real y, square, logarithm = R(0.0), rest, result = R(1.0);
+    const int twos = is_within(x, R(-700.0), R(700.0)) /* else the nearest end */
+        ? (int)(x/ln2 + (x < R(0.0) ? R(-0.5) : R(0.5)))
+        : x < R(0.0) ? -1000 : 1000;
+    const heatrun_real rest = is_within(x, R(-700.0), R(700.0)) ? x - R(twos)*ln2 : R(0.0);
+    heatrun_real result = R(1.0);
+    int i;
+    for (i = 14; i >= 1; --i) {
+        result = R(1.0) + rest/R(i)*result;
+    }
+    for (i = 0; i < twos; ++i) {
+        result *= R(2.0);
+    }
+    for (i = 0; i > twos; --i) {
+        result *= R(0.5);
+    }
+    return result;
+}
+
+/* base^exponent for base >= 0 and an exponent from 0 to 8: logarithm and exponential by their
+ * series, after powers of two are taken out. */
+static heatrun_real power(heatrun_real base, heatrun_real exponent)
+{
+    heatrun_real y, square, logarithm = R(0.0);
     int twos = 0;
     int i;
     if (!(base > R(1e-15))) {
@@ -120,20 +171,7 @@ static heatrun_real power(heatrun_real base, heatrun_real exponent)
     for (i = 23; i >= 1; i -= 2) {
         logarithm = logarithm*square + R(2.0)/R(i);
     }
-    logarithm = logarithm*y + R(twos)*ln2;
-    rest = exponent*logarithm;
-    twos = (int)(rest/ln2 + (rest < R(0.0) ? R(-0.5) : R(0.5)));
-    rest -= R(twos)*ln2; /* within 0.35 */
-    for (i = 14; i >= 1; --i) {
-        result = R(1.0) + rest/R(i)*result;
-    }
-    for (i = 0; i < twos; ++i) {
-        result *= R(2.0);
-    }
-    for (i = 0; i > twos; --i) {
-        result *= R(0.5);
-    }
-    return result;
+    return exponential(exponent*(logarithm*y + R(twos)*R(0.69314718055994530942)));
 }
 #endif
 
@@ -149,21 +187,29 @@ static void prepare(const heatrun_parameters *p, const heatrun_inputs *inputs, d
     heatrun_real moved_W = R(0.0);
 #endif
     at->parameters = p;
-    at->coefficient_degC = COEFFICIENT_DEGC;
     at->square_A2 = inputs->current_A*inputs->current_A;
     at->copper_W_per_A2_K = COPPER_PER_OHM_K*p->Rs0_ohm;
-    at->direct_W_per_A2_K = at->copper_W_per_A2_K;
+    at->copper_gain = p->resistance_gain;
     at->stray_W_per_A2 = R(0.0);
+    at->outside = R(0.0);
 #if HEATRUN_HAS_SPEED
-    at->copper_W_per_A2_K *= R(1.0) + p->ac_copper*rated*rated;
+    at->copper_gain += p->ac_copper*rated*rated;
     if (p->stray_W > R(0.0)) {
         at->stray_W_per_A2 =
             p->stray_W/(RATED_CURRENT_A*RATED_CURRENT_A)*power(rated, R(1.5));
+    }
+    if (p->outside_share > R(0.0) && rated > R(0.0)) {
+        at->outside = p->outside_share*power(rated, p->outside_exponent);
     }
 #endif
     at->losses_W = inputs->losses_W;
     at->copper_in_losses = R(IS_BALANCE);
     at->sinks_degC[0] = inputs->sink_degC;
+    at->recirculation_K_per_W = p->recirculation_K_per_W;
+#if HEATRUN_HAS_COOLANT
+    at->recirculation_K_per_W *= R(1.0) - p->coolant_share;
+    at->sinks_degC[0] += p->coolant_share*(inputs->coolant_degC - inputs->sink_degC);
+#endif
 #if HEATRUN_HAS_SECOND_SINK
     at->sinks_degC[1] = inputs->second_sink_degC;
 #else
@@ -184,11 +230,13 @@ static void prepare(const heatrun_parameters *p, const heatrun_inputs *inputs, d
     for (i = 0; i < NUM_NODES; ++i) {
 #if HEATRUN_HAS_SPEED
         const heatrun_real rate = speed/R(1000.0);
+        at->friction_W[i] = p->friction_Nm[i]*speed*R(0.10471975511965977462);
         at->heat_W[i] = (p->speed_loss_W[i] + p->speed_squared_loss_W[i]*rate)*rate;
 #if IS_BALANCE
         at->losses_W -= at->heat_W[i];
 #endif
 #else
+        at->friction_W[i] = R(0.0);
         at->heat_W[i] = R(0.0);
 #endif
     }
@@ -207,45 +255,100 @@ static void prepare(const heatrun_parameters *p, const heatrun_inputs *inputs, d
 #endif
 }
 
-/* Copper loss, with the stray loss where that counts as such. */
+/* Pjs, as the phase resistance and the material say. */
+static heatrun_real direct(const drive *at, const heatrun_real T[NUM_NODES])
+{
+    return at->square_A2*at->copper_W_per_A2_K*(COEFFICIENT_DEGC + T[COPPER]);
+}
+
+/* All that the copper gains, with the stray loss where that counts as such. */
 static heatrun_real copper(const drive *at, const heatrun_real T[NUM_NODES])
 {
-    return at->square_A2*(at->copper_W_per_A2_K*(at->coefficient_degC + T[COPPER])
-                          + R(IS_BALANCE)*at->stray_W_per_A2);
+    const heatrun_real more_degC = at->parameters->coefficient_more_degC;
+    const heatrun_real by_B = more_degC/(COEFFICIENT_DEGC + more_degC + REFERENCE_DEGC)
+        *(REFERENCE_DEGC - T[COPPER]);
+    return direct(at, T)*(R(1.0) + at->copper_gain)
+        + at->square_A2*(at->copper_W_per_A2_K*by_B + R(IS_BALANCE)*at->stray_W_per_A2);
+}
+
+/* The sink, with what the losses warm it. */
+static heatrun_real sink(const drive *at, const heatrun_real T[NUM_NODES])
+{
+    const heatrun_real all_W = at->losses_W + (R(1.0) - at->copper_in_losses)*direct(at, T);
+    return at->sinks_degC[0] + at->recirculation_K_per_W*all_W;
 }
 
 static void heats(const drive *at, const heatrun_real T[NUM_NODES], heatrun_real W[NUM_NODES])
 {
+    const heatrun_parameters *p = at->parameters;
     const heatrun_real copper_W = copper(at, T);
-    const heatrun_real other_W = at->losses_W - at->copper_in_losses*copper_W;
-    const heatrun_real stray_W = R(1 - IS_BALANCE)*at->stray_W_per_A2*at->square_A2;
-    const heatrun_real direct_W =
-        at->square_A2*at->direct_W_per_A2_K*(at->coefficient_degC + T[COPPER]);
+    const heatrun_real direct_W = direct(at, T);
+    const heatrun_real channel_W =
+        at->losses_W + (R(IS_BALANCE) - at->copper_in_losses)*direct_W;
+    const heatrun_real other_W = at->losses_W - at->copper_in_losses*copper_W
+        + p->loss_gain*channel_W + p->standby_W
+        - at->outside*(at->losses_W - at->copper_in_losses*direct_W)
+        + R(1 - IS_BALANCE)*at->stray_W_per_A2*at->square_A2;
     heatrun_real left_W = copper_W;
     int i;
     for (i = 0; i < NUM_NODES; ++i) {
-        const heatrun_real moved_W = at->parameters->copper_moved[i]*direct_W;
-        W[i] = at->heat_W[i] + at->parameters->share[i]*(other_W + stray_W) + moved_W;
+        const heatrun_real moved_W = p->copper_moved[i]*direct_W;
+        W[i] = at->heat_W[i] + p->share[i]*other_W + moved_W;
+#if HEATRUN_HAS_SPEED
+        if (at->friction_W[i] > R(0.0)) {
+            W[i] += at->friction_W[i]*exponential(-p->friction_fall_per_K[i]*(T[i] - sink(at, T)));
+        }
+#endif
         left_W -= moved_W;
     }
     W[COPPER] += left_W;
 }
 
+#if HEATRUN_HAS_WARMTH
+/* What a conductance is multiplied with for the temperatures at its ends. */
+static heatrun_real by_warmth(const heatrun_parameters *p, int link, heatrun_real near_degC,
+                              heatrun_real far_degC)
+{
+    const heatrun_real theta_K = near_degC - far_degC;
+    heatrun_real gain = R(1.0) + p->warmth_gain_per_K[link]*(near_degC - R(60.0));
+    if (p->natural_share[link] > R(0.0)) {
+        const heatrun_real ratio = power((theta_K*theta_K + R(1.0))/R(1600.0),
+                                         R(0.5)*p->natural_exponent[link]);
+        gain *= R(1.0) + p->natural_share[link]*(ratio - R(1.0));
+    }
+    return gain;
+}
+
+/* Heat that a surface of 1 m2 radiates [W]. */
+static heatrun_real radiated(heatrun_real hot_degC, heatrun_real cold_degC)
+{
+    const heatrun_real hot_K = hot_degC + R(273.15), cold_K = cold_degC + R(273.15);
+    return R(5.670374419e-8)*(hot_K*hot_K + cold_K*cold_K)*(hot_K + cold_K)*(hot_K - cold_K);
+}
+#endif
+
 static void slopes(const drive *at, const heatrun_real T[NUM_NODES],
                    heatrun_real K_per_s[NUM_NODES])
 {
+    const heatrun_real sinks_degC[2] = {sink(at, T), at->sinks_degC[1]};
     int i;
     heats(at, T, K_per_s);
     for (i = 0; i < NUM_LINKS; ++i) {
         const int end = SECOND_END[i];
-        const heatrun_real far = end < NUM_NODES ? T[end] : at->sinks_degC[end - SINK];
-        const heatrun_real flow = at->conductance_W_per_K[i]*(T[FIRST_END[i]] - far);
+        const heatrun_real far = end < NUM_NODES ? T[end] : sinks_degC[end - SINK];
+        heatrun_real flow = at->conductance_W_per_K[i]*(T[FIRST_END[i]] - far);
+#if HEATRUN_HAS_WARMTH
+        flow *= by_warmth(at->parameters, i, T[FIRST_END[i]], far);
+#endif
         K_per_s[FIRST_END[i]] -= flow;
         if (end < NUM_NODES) {
             K_per_s[end] += flow;
         }
     }
     for (i = 0; i < NUM_NODES; ++i) {
+#if HEATRUN_HAS_WARMTH
+        K_per_s[i] -= at->parameters->radiating_m2[i]*radiated(T[i], sinks_degC[0]);
+#endif
         K_per_s[i] /= at->parameters->capacitance_J_per_K[i];
     }
 }

@@ -24,6 +24,8 @@ typedef HEATRUN_REAL heatrun_real;
 #define HEATRUN_HAS_SECOND_SINK $has_second
 #define HEATRUN_HAS_SPEED $has_speed
 #define HEATRUN_HAS_FAN $has_fan
+#define HEATRUN_HAS_COOLANT $has_coolant
+#define HEATRUN_HAS_WARMTH $has_warmth
 
 /* Inputs beyond these are refused; temperatures hold for sinks and nodes. */
 #define HEATRUN_MAX_CURRENT_A $max_current
@@ -51,6 +53,9 @@ typedef struct {
 #if HEATRUN_HAS_SECOND_SINK
     heatrun_real second_sink_degC; /* $second_sink */
 #endif
+#if HEATRUN_HAS_COOLANT
+    heatrun_real coolant_degC;     /* beside the sink */
+#endif
 #if HEATRUN_HAS_SPEED
     heatrun_real speed_rpm;        /* of either sign */
 #endif
@@ -64,7 +69,12 @@ typedef struct {
     heatrun_real resistance_K_per_W[HEATRUN_NUM_LINKS];
     heatrun_real share[HEATRUN_NUM_NODES]; /* of the losses other than copper [1] */
     heatrun_real Rs0_ohm;
-    heatrun_real copper_moved[HEATRUN_NUM_NODES]; /* share of Pjs without k that heats it instead */
+    heatrun_real copper_moved[HEATRUN_NUM_NODES]; /* share of Pjs that heats it instead */
+    heatrun_real resistance_gain;       /* of the phase resistance [1] */
+    heatrun_real coefficient_more_degC; /* of R(T), beyond the material's */
+    heatrun_real standby_W;             /* at rest */
+    heatrun_real loss_gain;             /* of the losses [1] */
+    heatrun_real recirculation_K_per_W; /* of the sink per watt of losses */
 #if HEATRUN_HAS_SPEED
     heatrun_real speed_gain[HEATRUN_NUM_LINKS];     /* of a conductance at the rated speed [1] */
     heatrun_real speed_exponent[HEATRUN_NUM_LINKS];
@@ -75,9 +85,22 @@ typedef struct {
     heatrun_real moved_by_load[HEATRUN_NUM_NODES];  /* how far with the squared current [1] */
     heatrun_real ac_copper;                         /* more copper loss at the rated speed [1] */
     heatrun_real stray_W;                           /* at the rated speed and current */
+    heatrun_real outside_share;                     /* of the losses at the rated speed [1] */
+    heatrun_real outside_exponent;
+    heatrun_real friction_Nm[HEATRUN_NUM_NODES];    /* of cold bearings */
+    heatrun_real friction_fall_per_K[HEATRUN_NUM_NODES];
 #endif
 #if HEATRUN_HAS_FAN
     heatrun_real fan_gain[HEATRUN_NUM_LINKS];
+#endif
+#if HEATRUN_HAS_COOLANT
+    heatrun_real coolant_share; /* in the sink [1] */
+#endif
+#if HEATRUN_HAS_WARMTH
+    heatrun_real radiating_m2[HEATRUN_NUM_NODES];   /* emissivity times surface */
+    heatrun_real natural_share[HEATRUN_NUM_LINKS];  /* of a conductance, by natural convection [1] */
+    heatrun_real natural_exponent[HEATRUN_NUM_LINKS];
+    heatrun_real warmth_gain_per_K[HEATRUN_NUM_LINKS]; /* of a conductance with its first end */
 #endif
 } heatrun_parameters;
 

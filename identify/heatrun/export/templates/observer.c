@@ -86,33 +86,67 @@ static heatrun_real start_variance(int i)
     return sd*sd;
 }
 
-/* Column of F: what becomes of a state of 1 in a step of the network without sinks and losses. */
-static void passed(const drive *at, const heatrun_real now_W[NUM_NODES], int j,
-                   heatrun_real column[NUM_STATES])
+/* The network near its temperatures: what a kelvin more of each node, and then of the sinks, adds
+ * to the slope of every node [1/s]. */
+static void slopes_near(const drive *at, const heatrun_real T[NUM_NODES],
+                        heatrun_real per_s[NUM_NODES + 1][NUM_NODES])
 {
-    heatrun_state state = {{R(0.0)}, {R(0.0)}, at->parameters};
-    drive bare = *at;
-    int i;
-    bare.coefficient_degC = R(0.0);
-    bare.losses_W = R(0.0);
-    bare.stray_W_per_A2 = R(0.0);
-    bare.sinks_degC[0] = j == SINK_ERROR ? R(1.0) : R(0.0);
-    bare.sinks_degC[1] = bare.sinks_degC[0];
-    for (i = 0; i < NUM_NODES; ++i) {
-        bare.heat_W[i] = j == SHARE_ERROR ? now_W[i] : R(0.0);
+    heatrun_real now[NUM_NODES];
+    int i, j;
+    slopes(at, T, now);
+    for (j = 0; j <= NUM_NODES; ++j) {
+        drive changed = *at;
+        heatrun_real there[NUM_NODES];
+        for (i = 0; i < NUM_NODES; ++i) {
+            there[i] = T[i] + (i == j ? R(1.0) : R(0.0));
+        }
+        if (j == NUM_NODES) {
+            changed.sinks_degC[0] += R(1.0);
+            changed.sinks_degC[1] += R(1.0);
+        }
+        slopes(&changed, there, per_s[j]);
+        for (i = 0; i < NUM_NODES; ++i) {
+            per_s[j][i] -= now[i];
+        }
     }
+}
+
+/* Column of F: what becomes of a state of 1 in a step. */
+static void passed(const heatrun_parameters *p, heatrun_real per_s[NUM_NODES + 1][NUM_NODES],
+                   const heatrun_real now_W[NUM_NODES], int j, heatrun_real column[NUM_STATES])
+{
+    const heatrun_real h = R(HEATRUN_STEP_S)/R(HEATRUN_PARTS);
+    heatrun_real push[NUM_NODES]; /* slopes that are held [K/s] */
+    int i, k, part, order;
     for (i = 0; i < NUM_STATES; ++i) {
         column[i] = R(0.0);
     }
     column[j] = j < SLOW ? HEAT_DECAY : j == SLOW ? SLOW_DECAY : R(1.0);
-    if (j < NUM_NODES) {
-        state.temperature_degC[j] = R(1.0);
-    } else if (j < SLOW) {
-        bare.heat_W[HEATED[j - NUM_NODES]] = R(1.0);
-    }
-    advance(&bare, &state, R(HEATRUN_STEP_S));
     for (i = 0; i < NUM_NODES; ++i) {
-        column[i] = state.temperature_degC[i];
+        const heatrun_real C = p->capacitance_J_per_K[i];
+        push[i] = j == SINK_ERROR ? per_s[NUM_NODES][i]
+            : j == SHARE_ERROR    ? now_W[i]/C
+            : j >= NUM_NODES && j < SLOW && HEATED[j - NUM_NODES] == i ? R(1.0)/C
+                                                                      : R(0.0);
+        column[i] = i == j ? R(1.0) : R(0.0);
+    }
+    for (part = 0; part < HEATRUN_PARTS; ++part) {
+        heatrun_real term[NUM_NODES], next[NUM_NODES];
+        for (i = 0; i < NUM_NODES; ++i) {
+            term[i] = column[i];
+        }
+        for (order = 1; order <= 4; ++order) { /* as Runge-Kutta of a linear network */
+            for (i = 0; i < NUM_NODES; ++i) {
+                next[i] = order == 1 ? push[i] : R(0.0);
+                for (k = 0; k < NUM_NODES; ++k) {
+                    next[i] += per_s[k][i]*term[k];
+                }
+            }
+            for (i = 0; i < NUM_NODES; ++i) {
+                term[i] = h/R(order)*next[i];
+                column[i] += term[i];
+            }
+        }
     }
 #if HEATRUN_HAS_LAG
     column[SHOWN] = (R(1.0) - LAG_MEAN)*sensed(column) /* exact for a straight course */
@@ -126,11 +160,13 @@ static void predict_covariance(heatrun_observer *observer, const drive *at)
 {
     heatrun_real F[NUM_STATES][NUM_STATES];
     heatrun_real product[NUM_STATES][NUM_STATES];
+    heatrun_real per_s[NUM_NODES + 1][NUM_NODES];
     heatrun_real now_W[NUM_NODES];
     int i, j, k;
     heats(at, observer->model.temperature_degC, now_W);
+    slopes_near(at, observer->model.temperature_degC, per_s);
     for (j = 0; j < NUM_STATES; ++j) {
-        passed(at, now_W, j, F[j]);
+        passed(at->parameters, per_s, now_W, j, F[j]);
     }
     for (i = 0; i < NUM_STATES; ++i) {
         for (j = 0; j < NUM_STATES; ++j) {
