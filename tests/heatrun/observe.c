@@ -5,7 +5,8 @@
 
 #include "thermal_network.h"
 
-#define NUM_INPUTS (3 + HEATRUN_HAS_SECOND_SINK + HEATRUN_HAS_SPEED + HEATRUN_HAS_FAN)
+#define NUM_INPUTS (3 + HEATRUN_HAS_SECOND_SINK + HEATRUN_HAS_COOLANT + HEATRUN_HAS_SPEED \
+                    + HEATRUN_HAS_FAN)
 
 int main(int num_words, char **words)
 {
@@ -31,6 +32,9 @@ int main(int num_words, char **words)
         inputs.sink_degC = (heatrun_real)*next++;
 #if HEATRUN_HAS_SECOND_SINK
         inputs.second_sink_degC = (heatrun_real)*next++;
+#endif
+#if HEATRUN_HAS_COOLANT
+        inputs.coolant_degC = (heatrun_real)*next++;
 #endif
 #if HEATRUN_HAS_SPEED
         inputs.speed_rpm = (heatrun_real)*next++;

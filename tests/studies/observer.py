@@ -53,6 +53,7 @@ REPORTING_SEED = 96_005
 
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-pedantic", "-O2")
 HARNESS = Path(__file__).parents[1] / "heatrun" / "observe.c"
+COST = HARNESS.with_name("step_cost.c")
 
 TESTS = ("staircase", "S3", "S1")
 CALIBRATED_S, DRIVEN_S, DUTY_S = 6000.0, 7200.0, 18_000.0
@@ -146,9 +147,7 @@ def compiled(folder: Path) -> Follow:
 
     That returns temperatures and standard deviations by node, and the state of the sensor.
     """
-    program = folder / "observe"
-    subprocess.run([str(shutil.which("gcc") or "cc"), *STRICT, f"-I{folder}", "-o", str(program),
-                    str(HARNESS), str(folder / "thermal_network.c")], check=True)  # fmt: skip
+    program = built(folder, HARNESS)
 
     def follow(rows: np.ndarray, start: float, sd: float) -> tuple[Any, Any, Any]:
         words, given = [str(program), f"{start:.6f}", f"{sd:g}"], np.ascontiguousarray(rows)
@@ -157,6 +156,21 @@ def compiled(folder: Path) -> Follow:
         return found[:, 0:-2:2], found[:, 1:-2:2], found[:, -1].astype(int)
 
     return follow
+
+
+def built(folder: Path, harness: Path) -> Path:
+    """Return the program of an export and a harness."""
+    program = folder / harness.stem
+    subprocess.run([str(shutil.which("gcc") or "cc"), *STRICT, f"-I{folder}", "-o", str(program),
+                    str(harness), str(folder / "thermal_network.c")], check=True)  # fmt: skip
+    return program
+
+
+def cost(folder: Path) -> dict[str, float]:
+    """Return what a step costs: two nodes by hand, the model, the observer [ns]; its state [B]."""
+    done = subprocess.run([str(built(folder, COST))], check=True, capture_output=True, text=True)
+    names = ("by_hand_ns", "model_ns", "observer_ns", "state_bytes")
+    return dict(zip(names, map(float, done.stdout.split()), strict=True))
 
 
 def broken(
@@ -268,7 +282,7 @@ def run(job: Row) -> Row:
         begin = time.process_time()
         has_speed = "HAS_SPEED 1" in (folder / "c" / "thermal_network.h").read_text()
         return row | followed(compiled(folder / "c"), machine, bench, job, rng, has_speed) | {
-            "following_s": time.process_time() - begin}  # fmt: skip
+            "following_s": time.process_time() - begin, "cost": cost(folder / "c")}  # fmt: skip
 
 
 def followed(
@@ -377,6 +391,17 @@ def table(rows: Sequence[Row], seed: int) -> str:
                 lines.append(f"| {fault} | {half} | {len(found)} of {len(told)} | "
                              f"{percent_95(len(found), len(told))} | {np.median(found):.0f} s | "
                              f"{np.quantile(found, 0.9):.0f} s |")  # fmt: skip
+    costs = [row["cost"] for row in done if "cost" in row]
+    if costs:
+        lines += ["", "## What a step costs", "",
+                  "Nanoseconds on one core of the machine of the study, gcc -O2, double; *by hand*: "
+                  "two nodes, constant resistances, Euler.", "",
+                  *heads("exports | two nodes by hand | model | observer | state of the observer"),
+                  f"| {len(costs)} | " + " | ".join(
+                      f"{min(c[n] for c in costs):.0f} … {max(c[n] for c in costs):.0f}{unit}"
+                      for n, unit in (("by_hand_ns", " ns"), ("model_ns", " ns"),
+                                      ("observer_ns", " ns"), ("state_bytes", " bytes"))
+                  ) + " |"]  # fmt: skip
     return "\n".join(lines) + "\n"
 
 

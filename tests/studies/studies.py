@@ -53,7 +53,7 @@ STUDIES = {
     "misfit": Study("mild causes that the network lacks: told or not", "2.5",
         ("tests/studies/misfit.py",)),
     "observer": Study("the exported observer: its band, broken sensors, false alarms", "0.7",
-        ("tests/studies/observer.py",)),
+        ("tests/studies/observer.py", "tests/studies/observer_real.py")),
     "ordinary": Study("ordinary machines with two to four imperfections at once", "4",
         ("tests/studies/ordinary.py --discover 0.33",)),
     "paderborn": Study("parts of one real record against each other, where it is at hand", "0.5",

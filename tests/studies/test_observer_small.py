@@ -17,6 +17,7 @@ from observer import (
     alarms_of,
     bench_drawn,
     compiled,
+    cost,
     driven_records,
     jobs,
     judged,
@@ -58,6 +59,9 @@ def test_an_observer_of_the_true_figures_holds_its_band_and_tells_every_fault(tm
     said = {"run": "run", "sha256": "0" * 64, "machine": "machine", "network": "second order"}
     for name, text in CSource.of(read_network(mat_bytes(variables)), missed, said).texts().items():
         (tmp_path / name).write_bytes(text)
+    spent = cost(tmp_path)
+    assert 0.0 < spent["model_ns"] < spent["observer_ns"]
+    assert spent["state_bytes"] < 1024
     follow = compiled(tmp_path)
     assert alarms_of(follow(rows, record[1][0, 0], 2.0)[2]) == 0
     found = judged(follow, record, bench, rng)
@@ -78,7 +82,9 @@ def test_the_table_counts_what_it_says():
             "told_s": {**dict.fromkeys(WITHIN_S, 9), "stuck": None}}  # fmt: skip
     rows = [
         job | {"exported": "as it is", "followed": [test, test], "clean_h": 500.0,
-               "false_alarms": place}
+               "false_alarms": place,
+               "cost": {"by_hand_ns": 9.0, "model_ns": 300.0 + place, "observer_ns": 1200.0,
+                        "state_bytes": 392.0}}
         for place, job in enumerate(jobs(1, 2, 2, 500, ""))
     ]  # fmt: skip
     text = table([*rows, {"seed": 3, "failure": "none"}], 1)
@@ -87,6 +93,7 @@ def test_the_table_counts_what_it_says():
     assert "| stuck: told within 300 s | ≥ 95 % | 0.0 % (0 of 4) | 0…60 % | **missed** |" in text
     assert "| false alarms, all | ≤ 1 per 1000 h | 1.00 (1 in 1000 h) |" in text
     assert "| effects hidden (1) | as it is | 2 | 0.25 |" in text
+    assert "| 2 | 9 … 9 ns | 300 … 301 ns | 1200 … 1200 ns | 392 … 392 bytes |" in text
 
 
 def test_half_of_the_machines_have_something_hidden():
