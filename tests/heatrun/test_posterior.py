@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 
 from heatrun.fit.fit import ljung_box
+from heatrun.model.catalogue import effects_named
+from heatrun.model.model import Model
+from heatrun.model.problem import NUM_NOISE, Problem, log_posterior_batch
 from heatrun.posterior import ensemble as ensemble_run
 from heatrun.posterior import posterior as posterior_module
 from heatrun.posterior.convergence import FULL, judge
@@ -238,6 +241,18 @@ def test_weighted_draws_that_cannot_be_trusted_give_way_to_the_ensemble_which_sa
     assert all("importance sampling is not reliable here" in sentence for sentence in told)
     counts = [re.search(r"(\d+) of about (\d+) steps", sentence).groups() for sentence in told]
     assert all(int(done) < int(wanted) for done, wanted in counts)
+
+
+def test_a_share_of_more_than_one_has_no_probability(motor, blocks):
+    model = Model.of("second", motor, effects_named(["end_winding_node"], "test"))
+    problem = Problem.of(model, motor, [blocks])
+    place = problem.parameters.index("end_winding_node.f")
+    at = np.zeros((2, problem.num_parameters + NUM_NOISE))
+    share = problem.parameters.slots[place].parameter
+    at[:, place] = share.score(np.array([0.95, 1.05]))
+    density = log_posterior_batch(problem.structure, problem.data, at)
+    assert np.isfinite(density[0])
+    assert density[1] == -np.inf
 
 
 def test_of_draws_of_a_normal_law_the_mean_is_stated(fitted):

@@ -602,7 +602,7 @@ def averaged(posterior: Posterior, found: Missing, *, seed: int = 0) -> Posterio
 
     Around the fit the parameters given the sizes lie a shift away from those without (`missing`),
     so each draw moves by that of the effects behind it. One that would leave a node too fast for
-    the steps of the tests stays as it was.
+    the steps of the tests, or a share above one, stays as it was.
 
     Args:
         posterior: Of the network alone.
@@ -613,7 +613,8 @@ def averaged(posterior: Posterior, found: Missing, *, seed: int = 0) -> Posterio
     vectors = posterior.flat.copy()
     size = found.size[rng.integers(found.size.shape[0], size=vectors.shape[0])]
     z = vectors[:, : found.turn.shape[0]] + size @ found.turn.T
-    size = np.where(_is_too_stiff(posterior, z)[:, None], 0.0, size)
+    is_none = _is_too_stiff(posterior, z) | np.any(z > posterior.fit.problem.data.priors.largest, 1)
+    size = np.where(is_none[:, None], 0.0, size)
     vectors[:, : found.turn.shape[0]] += size @ found.turn.T
     effects = PlausibleEffects(found.effects, size)
     density = np.where(effects.is_none, posterior.log_density.reshape(-1), np.nan)  # another model

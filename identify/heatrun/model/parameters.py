@@ -52,6 +52,7 @@ class Parameter:
         basis: Why the prior is what it is.
         per_test: One value for each test instead of one for all.
         fixed: Held at this value, in `unit`; None if it is estimated.
+        limit: Value that it cannot pass, such as 1 for a share, in `unit`; None if there is none.
     """
 
     name: str
@@ -64,6 +65,7 @@ class Parameter:
     basis: str
     per_test: bool = False
     fixed: float | None = None
+    limit: float | None = None
 
     def value(self, z: Float[Any, "..."]) -> Float[Any, "..."]:
         """Return the value [unit] for standard scores, an array of the library that `z` is of."""
@@ -82,6 +84,11 @@ class Parameter:
         if self.transform == "log":
             return np.log(np.asarray(value) / self.centre) / self.sd
         return (np.asarray(value) - self.centre) / self.sd
+
+    @property
+    def largest_score(self) -> float:
+        """Score of the limit, infinite where there is none."""
+        return np.inf if self.limit is None else float(self.score(self.limit))
 
     def prior_interval_95(self) -> tuple[float, float]:
         """Return the central 95 % of the prior [unit]."""
@@ -340,7 +347,7 @@ def effect_parameters(
                     "effect" if is_searched else "known",
                     transform, centre, sd,
                     f"plausible from {quantity.low:.3g} to {quantity.high:.3g} {quantity.unit}",
-                    per_test=kind.card.family == EVENT,
+                    per_test=kind.card.family == EVENT, limit=quantity.limit,
                 )
             )  # fmt: skip
     return result

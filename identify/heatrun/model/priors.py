@@ -18,11 +18,13 @@ class Priors(eqx.Module):
     Attributes:
         centre: Centre of each slot's prior [its unit], shape (parameter,).
         sd: Its standard deviation, of the logarithm [1] or [its unit], shape (parameter,).
+        largest: Largest score of each slot, shape (parameter,): a share is one at most.
         fixed: Fixed values by name, for each test.
     """
 
     centre: Float[Any, " parameter"]
     sd: Float[Any, " parameter"]
+    largest: Float[Any, " parameter"]
     fixed: tuple[dict[str, Float[Any, ""]], ...]
 
     def values(
@@ -49,6 +51,7 @@ class Priors(eqx.Module):
         return cls(
             centre=np.asarray([slot.parameter.centre for slot in parameters.slots]),
             sd=np.asarray([slot.parameter.sd for slot in parameters.slots]),
+            largest=np.asarray([slot.parameter.largest_score for slot in parameters.slots]),
             fixed=tuple(
                 {
                     name: np.asarray(parameter.fixed, dtype=float)

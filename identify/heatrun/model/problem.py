@@ -221,6 +221,7 @@ def log_posterior(
     noise = noise_module.from_scores(noise_z)
     total = log_likelihood(structure, data, z, noise) + prior
     is_allowed = jnp.all(noise_z <= jnp.asarray(noise_module.LARGEST_SCORES))
+    is_allowed &= jnp.all(z <= data.priors.largest)
     return jnp.where(is_allowed & jnp.isfinite(total), total, -jnp.inf)
 
 

@@ -246,6 +246,8 @@ def normal_draws(fit: Fit, *, seed: int = 0, behind: float | None = None) -> Pos
     values, axes = np.linalg.eigh(0.5 * (fit.covariance + fit.covariance.T))
     spread = axes * np.sqrt(np.maximum(values, 0.0))
     vectors = fit.vector + rng.standard_normal((NUM_KEPT, fit.vector.size)) @ spread.T
+    largest = fit.problem.data.priors.largest
+    vectors[:, : largest.size] = np.minimum(vectors[:, : largest.size], largest)
     density = np.full((1, NUM_KEPT), np.nan)
     return Posterior(fit, vectors[None], density, "normal", None, None, behind=behind)
 
