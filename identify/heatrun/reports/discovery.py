@@ -8,7 +8,7 @@ from typing import Any
 
 from msgspec import UNSET
 
-from ..io.quantities import printed_unit, quantity, rounded
+from ..io.quantities import clean, printed_unit, quantity, rounded
 from ..results import DiscoveryResult
 from ..results.discovery import (
     CandidateFate,
@@ -57,7 +57,7 @@ def report_content(result: DiscoveryResult) -> dict[str, Any]:
     test = result.next_test
     left = result.adequacy.after
     return {
-        "title": _clean(result.motor.name),
+        "title": clean(result.motor.name),
         "version": f"heatrun {result.heatrun_version}",
         "verdict": VERDICTS[result.verdict],
         "sentence": result.sentence,
@@ -157,7 +157,7 @@ def _span(span: MissingSpan) -> list[str]:
     missing, unit = span.missing
     low, high = span.interval_95
     return [
-        _clean(span.test),
+        clean(span.test),
         f"{span.from_s / 60:.0f}",
         f"{span.to_s / 60:.0f}",
         span.node,
@@ -167,7 +167,7 @@ def _span(span: MissingSpan) -> list[str]:
 
 
 def _candidate(row: CandidateFate) -> list[str]:
-    name = f"{row.id} in {_clean(row.test)}" if row.test else row.id
+    name = f"{row.id} in {clean(row.test)}" if row.test else row.id
     return [
         name,
         row.status,
@@ -175,8 +175,3 @@ def _candidate(row: CandidateFate) -> list[str]:
         "–" if row.log_evidence is None else f"{row.log_evidence:+.1f}",
         row.reason,
     ]
-
-
-def _clean(text: str) -> str:
-    """Return a name without control characters."""
-    return "".join(c if c.isprintable() else "?" for c in text)
