@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from simulators import fmu_error, has_modelica, modelica_error, vectors_text
 
 from heatrun import cli
@@ -146,6 +147,29 @@ alone = partial(pytest.param, marks=pytest.mark.slow)
 )  # fmt: skip
 def test_it_is_as_lptn(tmp_path, two_hours, machine, network, effects, values):
     is_as_lptn(tmp_path, two_hours, machine, network, effects, values)
+
+
+@needs_compiler
+def test_a_linear_network_is_as_the_exponential_of_its_matrix(tmp_path, half_hour, machine):
+    v, made = VALUES, source(half_hour, machine)
+    rows = np.empty((7200, 4))
+    minute = np.arange(7200) // 60
+    rows[:, 0] = 120.0 + 100.0 * np.sin(minute)
+    rows[:, 1] = 3e-2 * rows[:, 0] ** 2 + 50.0
+    rows[:, 2] = 20.0 + 5.0 * np.cos(0.3 * minute)
+    rows[:, 3] = np.nan
+    T, *_ = observed(tmp_path, made, 40.0, 5.0, rows)
+    C = np.array([v["Ceq_w"], v["Ceq_sr"]])
+    now, exact = np.array([40.0, 40.0, 1.0]), []
+    for current, loss, sink, _ in rows[:, :4]:
+        copper = 3 * v["Rs0"] / (234.5 + made.found["Tref"]) * current**2
+        slopes = np.zeros((3, 3))  # of both nodes and of 1
+        slopes[0] = copper - 1 / v["Req_w"], 1 / v["Req_w"], copper * 234.5
+        slopes[1] = (1 / v["Req_w"] - copper, -1 / v["Req_w"] - 1 / v["Req_sr"],
+                     loss - copper * 234.5 + sink / v["Req_sr"])  # fmt: skip
+        now = expm(slopes / np.append(C, 1.0)[:, None]) @ now
+        exact.append(now[:2])
+    assert np.abs(T - exact).max() < 1e-6
 
 
 @needs_compiler
