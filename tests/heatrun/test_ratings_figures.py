@@ -336,8 +336,10 @@ def test_the_steady_rise_is_that_of_the_rated_current(draws):
     check(found["steady_rise_K"], ByHand(0.81 * by_hand.k, by_hand.other, draws).steady_rise())
     assert found["steady_rise_K"].condition.startswith("rated current 99 A, other losses")
     check(found["continuous_current_A"], by_hand.continuous_A())
-    far = derive(posterior("second", motor(rated_current_A=3.0 * CURRENT), draws))
-    assert "outside the tested range" in far["steady_rise_K"].refused
+    far = derive(posterior("second", motor(rated_current_A=1.3 * CURRENT), draws))
+    assert far["steady_rise_K"].condition.endswith(", extrapolated, tested up to 150 °C")
+    away = derive(posterior("second", motor(rated_current_A=3.0 * CURRENT), draws))
+    assert away["steady_rise_K"].refused == "the tests do not tell, tested up to 150 °C"
 
 
 @pytest.mark.parametrize(("used", "K"), [(None, 105.0), ("B", 80.0)])
@@ -367,9 +369,22 @@ def test_without_a_class_the_limit_is_refused_and_the_rest_stands(draws):
         assert "no insulation class" in found[name].refused
     check(found["steady_rise_K"], ByHand.of("balance", draws).steady_rise())
     cool = derive(posterior("second", motor(), draws, tests=[blocks(hottest=100.0)]))
-    assert "highest temperature measured is 100 °C" in cool["time_to_limit_cold_s"].refused
+    within = derive(posterior("second", motor(), draws))
+    for name in ("steady_rise_K", "continuous_current_A"):
+        assert cool[name].value == pytest.approx(within[name].value, rel=2e-3)
+        assert cool[name].condition == (
+            f"{within[name].condition}, extrapolated, tested up to 100 °C"
+        )
     for entry in found.values():
         assert len(_derived(entry, Texts())) == 3  # the sheet prints whatever comes
+
+
+def test_beyond_the_tests_a_figure_is_refused_where_its_interval_says_nothing(draws):
+    wide = draws | {"Req_sr": draws["Req_sr"] * np.geomspace(0.4, 2.5, NUM)}
+    cool = [blocks(hottest=100.0)]
+    found = derive(posterior("second", motor(), wide, tests=cool), ("S2-30",))
+    assert found["continuous_current_A"].refused == "the tests do not tell, tested up to 100 °C"
+    assert "extrapolated" in found["S2-30_current_A"].condition  # half an hour tells
 
 
 class FourNodes(NamedTuple):

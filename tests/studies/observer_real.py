@@ -17,7 +17,7 @@ import pandas as pd
 from gate_rows import heads
 from observer import BLANK_S, EVERY_S, SETTLED_S, WRONG_K, alarms_of, compiled, without_reading
 from ordinary import stated_use
-from paderborn import MOTOR, PARTS, columns_of
+from paderborn import MOTOR, columns_of
 from real_records import BENCH, PADERBORN
 from study_runs import Row, command
 

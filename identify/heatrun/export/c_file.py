@@ -561,7 +561,9 @@ def _fastest(found: Mapping[str, Any]) -> float:
     for effect in np.atleast_1d(found["effects"]):
         id, q = effect["id"], effect["parameters"]
         if id == "radiation":
-            radiating[nodes.index(effect["node"])] += 4.0 * STEFAN_BOLTZMANN * q["eA"] * (60 + HOT_K + 273) ** 3
+            radiating[nodes.index(effect["node"])] += (
+                4.0 * STEFAN_BOLTZMANN * q["eA"] * (60 + HOT_K + 273) ** 3
+            )
         elif id in OF_LINK:
             gain = (
                 1.0 + HOT_K * abs(q["b"]) if id == "insulation_conductivity"

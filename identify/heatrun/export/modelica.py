@@ -152,7 +152,9 @@ def _heats(
     per_K = f"{phases:g}*{Rs0}*current_A^2/{B + T!r}"
     direct = f"{per_K}*({B!r} + {hot})" if Rs0 else "0"
     terms = [f"{ac}*s^2" if ac else "", more_ohm]
-    copper = "*".join(["direct_W", *([f"(1 + {' + '.join(filter(None, terms))})"] if any(terms) else [])])
+    copper = "*".join(
+        ["direct_W", *([f"(1 + {' + '.join(filter(None, terms))})"] if any(terms) else [])]
+    )
     if more_B and Rs0:
         copper += f" + {per_K}*{more_B}/({B + T!r} + {more_B})*({T!r} - {hot})"
     equations = []
@@ -180,7 +182,9 @@ def _heats(
             moved[node] = f"moved_{plain[node]}_W"
             by_load = f"max(1 + {m}*(i^2 - 1), 0)"
             equations.append(f"{moved[node]} = {P}*{by_load}*(if s > 0 then s^{n} else 0)")
-    given = "".join(["losses_W", *(f" - {each}" for each in by_speed.values() if each and is_balance)])
+    given = "".join(
+        ["losses_W", *(f" - {each}" for each in by_speed.values() if each and is_balance)]
+    )
     equations.append(f"all_W = {given}{'' if is_balance else ' + direct_W'}")
     other = f"{given}{' - copper_W' if is_balance else ''}"
     other += f" + {gain}*({'all_W' if is_balance else given})" if gain else ""
@@ -208,7 +212,9 @@ def _heats(
             fading = f"exp(-{fall}*({plain[node]}_degC - warmed_degC))"
             terms.append(f"{torque}*{math.pi / 30.0!r}*abs(speed_rpm)*{fading}")
         if eA := by_place.get(("radiating_m2", i)):
-            hot_K, cold_K = (f"({each} + {ZERO_K})" for each in (f"{plain[node]}_degC", "warmed_degC"))
+            hot_K, cold_K = (
+                f"({each} + {ZERO_K})" for each in (f"{plain[node]}_degC", "warmed_degC")
+            )
             terms.append(f"(-{STEFAN_BOLTZMANN!r}*{eA}*({hot_K}^4 - {cold_K}^4))")
         equations.append(f"P_{plain[node]}.Q_flow = {' + '.join(terms) or '0'}")
     return equations

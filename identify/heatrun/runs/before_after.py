@@ -29,7 +29,7 @@ from ..record.motor import LIMIT_DEGC
 from ..results.model import AT_REST, LOADED, DerivedFigure
 from ..results.values import Interval, Probability, known
 from .duties import Behind, Limit, at_limit, extended
-from .machine import RAD_PER_S, Machine, Tested, bounded_rise, figure, machines
+from .machine import RAD_PER_S, Machine, Tested, figure, machines, steady_rise
 from .ratings_figures import names_of_times, rates, resistances
 from .run import Run
 from .verdict import favoured, headline
@@ -193,7 +193,7 @@ class _Side:
         behind, model = self.behind(seen), self.model
         letter = self.run.motor.insulation_class
         limit = None if letter is None else Limit(letter, LIMIT_DEGC[letter])
-        degC = np.nan if limit is None or seen.beyond_limit(limit.degC) else limit.degC
+        degC = np.nan if limit is None else limit.degC
         drawn = self.machine(behind, seen, amperes, degC)
         winding = np.asarray(before.loaded_winding_degC)
         network = rates(model, self.base.values, seen.loaded, winding)
@@ -214,7 +214,7 @@ class _Side:
         }
         rise, square = np.asarray(drawn.rise), np.asarray(drawn.limit_squared)
         at = f"{rounded(amperes)} A rms, {heated}{around}"
-        found["steady_rise_K"] = rise, bounded_rise(rise, at, seen)
+        found["steady_rise_K"] = rise, steady_rise(rise, at, seen)
         entry = at_limit(drawn, seen, limit, f"{heated}{around}")["continuous_current_A"]
         found["continuous_current_A"] = np.sqrt(np.maximum(square, 0.0)), entry
         return found

@@ -38,7 +38,16 @@ from ..model.parameters import Parameter, amplitudes, qualified
 from ..posterior.posterior import Posterior
 from ..results.model import DerivedFigure
 from ..results.values import known, number
-from .machine import REACH, WARM, Machine, Tested, bounded_rise, figure, fixed_losses, refused
+from .machine import (
+    WARM,
+    Machine,
+    Tested,
+    extrapolated,
+    figure,
+    fixed_losses,
+    refused,
+    steady_rise,
+)
 
 LIKELY = 0.5
 """Probability from which on a condition names an effect that the network misses [1]."""
@@ -160,8 +169,9 @@ CYCLE_S = 600.0
 NUM_DRAWS = 300
 """Draws behind a rating: each is a search over simulated duties."""
 
-NUM_HALVINGS = 14
-"""Halvings of the current's range: 2^-14 of it, far below its uncertainty."""
+LARGEST, NUM_HALVINGS = 6.0, 16
+"""Largest current of the search over the largest one tested [1], and halvings of its range: to
+2^-16 of it, far below the uncertainty."""
 
 PATTERN = re.compile(r"^S2-(?P<minutes>\d+(?:\.\d+)?)$|^S3-(?P<percent>\d+(?:\.\d+)?)$")
 
@@ -268,9 +278,6 @@ def duty_current(rated: Rated, text: str) -> DerivedFigure:
     if not np.any(rated.drawn.copper_slope):
         return refused(NO_CURRENT)
     seen, limit = rated.seen, rated.limit
-    beyond = seen.beyond_limit(limit.degC)
-    if beyond:
-        return refused(beyond)
     picked = np.random.default_rng(0).permutation(rated.times.shape[0])[:NUM_DRAWS]
     other = rated.drawn.other[picked]
     values = {name: draws[picked] for name, draws in rated.behind.values.items()}
@@ -287,20 +294,16 @@ def duty_current(rated: Rated, text: str) -> DerivedFigure:
                        jnp.asarray(duty.num_cycles))  # fmt: skip
         return np.asarray(top)
 
-    reach = REACH * seen.current_A
-    current = current_at_limit(duty, highest, limit.degC, 2.0 * reach, picked.size)
+    current = current_at_limit(duty, highest, limit.degC, LARGEST * seen.current_A, picked.size)
     entry = figure(
         current,
         "A",
         f"{text}, {limit}, other losses {np.median(other):.0f} W under load, none at rest, "
         f"sink {seen.sink_degC:.0f} °C{rated.surroundings}",
     )
-    if not entry.median <= reach:
-        return refused(
-            f"beyond {rounded(reach)} A, outside the tested range: the largest current "
-            f"tested is {rounded(seen.current_A)} A"
-        )
-    return entry
+    if not math.isfinite(entry.median):
+        return refused(f"{rounded(LARGEST * seen.current_A)} A does not reach {limit.degC:.0f} °C")
+    return extrapolated(entry, seen.short_of(degC=limit.degC, amperes=entry.median))
 
 
 @compiled("model")
@@ -388,17 +391,13 @@ def at_limit(
         return {key: refused(NO_CLASS) for key in ("continuous_current_A", *names.values())}
     text = f"{limit}, {heated}"
     figures = {"continuous_current_A": _continuous(drawn, drawn.limit_squared, seen, limit, text)}
-    beyond = seen.beyond_limit(limit.degC)
     starts = {"cold": "from the sink's temperature",
               "hot": f"from {100 * WARM:.0f} % of the steady rise"}  # fmt: skip
     for name, draws in (("cold", drawn.cold_s), ("hot", drawn.warm_s)):
-        if beyond:
-            figures[names[name]] = refused(beyond)
-            continue
         entry = figure(np.asarray(draws), "s", f"{rounded(seen.amperes)} A, {starts[name]}, {text}")
         if not np.isfinite(entry.median):
             entry = refused(f"{rounded(seen.amperes)} A does not reach {limit.degC:.0f} °C")
-        figures[names[name]] = entry
+        figures[names[name]] = extrapolated(entry, seen.short_of(degC=limit.degC))
     return figures
 
 
@@ -420,7 +419,7 @@ def within_rise(
     current = _continuous(drawn, drawn.permitted_squared, seen, limit, f"{limit}, {heated}")
     found = {"continuous_current_by_rise_A": current}
     rise = np.asarray(drawn.rise)
-    if math.isfinite(number(known(bounded_rise(rise, "", seen).sd))):
+    if math.isfinite(number(known(steady_rise(rise, "", seen).sd))):
         chance = f"within it with a probability of {100.0 * np.mean(rise <= limit.rise_K):.0f} %"
         text = f"{limit}, {chance}, {at}"  # the rest stands at the steady rise
         found = {"rise_margin_K": figure(limit.rise_K - rise, "K", text), **found}
@@ -432,13 +431,5 @@ def _continuous(
 ) -> DerivedFigure:
     if not np.any(drawn.copper_slope):
         return refused(NO_CURRENT)
-    beyond = seen.beyond_limit(limit.degC)
-    if beyond:
-        return refused(beyond)
     entry = figure(np.sqrt(np.maximum(np.asarray(squared), 0.0)), "A", text)
-    if not entry.median <= REACH * seen.current_A:
-        return refused(
-            f"{rounded(entry.median)} A is outside the tested range: the largest "
-            f"current tested is {rounded(seen.current_A)} A"
-        )
-    return entry
+    return extrapolated(entry, seen.short_of(degC=limit.degC, amperes=entry.median))

@@ -24,20 +24,25 @@ from lptn import CopperLosses, Drive, Network, heat_input, steady_current, stead
 from lptn.effects import AbstractEffect
 
 from ..io.programs import compiled
+from ..io.quantities import rounded
 from ..model.bodies import corrected_losses
 from ..model.draws import PlausibleEffects, of_network
 from ..model.model import Model
 from ..record.blocks import Blocks
 from ..results.model import DerivedFigure, TestedLoad
+from ..results.values import known
 
 REACH = 1.2
-"""A current may lie this much above the largest one tested [1] before a figure is refused."""
+"""A current may lie this much above the largest one tested [1] before a figure is extrapolated."""
 
 RAD_PER_S = np.pi / 30.0
 """One revolution per minute [rad/s]."""
 
 REACH_K = 15.0
-"""A temperature may lie this far above the highest one measured [K]."""
+"""A temperature may lie this far above the highest one measured [K] likewise."""
+
+WIDEST = 2.0
+"""Upper over lower end of the 95 % interval of a figure beyond the tested range, at most [1]."""
 
 
 @dataclass(frozen=True)
@@ -118,13 +123,17 @@ class Tested:
         """Root of the mean squared current of the loaded part [A]."""
         return float(np.sqrt(self.loaded.current_squared))
 
-    def beyond_limit(self, limit: float) -> str | None:
-        """Return why a limit [degC] is outside the tested range, or None."""
-        if limit <= self.winding_degC + REACH_K:
-            return None
+    def short_of(self, *, degC: float = -np.inf, amperes: float = -np.inf) -> str:
+        """Return how far the tests went where a figure lies beyond, else nothing.
+
+        Args:
+            degC: Temperature of the figure [degC].
+            amperes: Current of the figure [A].
+        """
+        if degC > self.winding_degC + REACH_K:
+            return f"tested up to {self.winding_degC:.0f} °C"
         return (
-            f"the limit of {limit:.0f} °C is outside the tested range: the highest "
-            f"temperature measured is {self.winding_degC:.0f} °C"
+            f"tested up to {rounded(self.current_A)} A" if amperes > REACH * self.current_A else ""
         )
 
     def surroundings(
@@ -408,13 +417,23 @@ def refused(reason: str) -> DerivedFigure:
     return DerivedFigure(refused=reason)
 
 
-def bounded_rise(draws: np.ndarray, condition: str, seen: Tested) -> DerivedFigure:
-    """Return a rise [K], refused where the tests came nowhere near it."""
+def extrapolated(entry: DerivedFigure, short: str) -> DerivedFigure:
+    """Return a figure that says that it lies beyond the tested range, refused where its interval
+    says nothing.
+
+    Args:
+        entry: The figure.
+        short: From `Tested.short_of`.
+    """
+    if not short or known(entry.refused):
+        return entry
+    low, high = entry.ends
+    if not 0.0 < low <= high <= WIDEST * low:
+        return refused(f"the tests do not tell, {short}")
+    return replace(entry, condition=f"{entry.condition}, extrapolated, {short}")
+
+
+def steady_rise(draws: np.ndarray, condition: str, seen: Tested) -> DerivedFigure:
+    """Return a steady rise [K]."""
     entry = figure(draws, "K", condition)
-    reached = seen.winding_degC - seen.sink_degC
-    if not entry.median <= reached + 3 * REACH_K:
-        return refused(
-            f"{entry.median:.0f} K is outside the tested range: the highest rise "
-            f"measured is {reached:.0f} K"
-        )
-    return entry
+    return extrapolated(entry, seen.short_of(degC=seen.sink_degC + entry.median))

@@ -35,7 +35,7 @@ from ..posterior.posterior import Posterior
 from ..record.motor import LIMIT_DEGC
 from ..results.model import AT_REST, LOADED, DerivedFigure
 from .duties import Behind, Limit, Rated, alone, at_limit, duty_current, with_effects, within_rise
-from .machine import Tested, UnderLoad, bounded_rise, figure, machines, tested, under_load
+from .machine import Tested, UnderLoad, figure, machines, steady_rise, tested, under_load
 
 
 class Rates(NamedTuple):
@@ -231,11 +231,10 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
     seen = tested([test.winding for test in problem.tests])
     insulation = problem.motor.insulation_class
     limit = None if insulation is None else Limit(insulation, LIMIT_DEGC[insulation])
-    is_within = limit is not None and seen.beyond_limit(limit.degC) is None
     base = alone(posterior)
     behind = with_effects(posterior, base)
     winding = np.asarray(seen.loaded_winding_degC)
-    degC = np.asarray(limit.degC if limit is not None and is_within else np.nan)
+    degC = np.asarray(np.nan if limit is None else limit.degC)
     network = rates(base.model, base.values, seen.loaded, winding)
     rated = problem.motor.rated_current_A if seen.amperes > 0.0 else None
     scale = 1.0 if rated is None else (rated / seen.amperes) ** 2
@@ -261,7 +260,7 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
         f"other losses {np.median(drawn.other):.0f} W, sink {seen.sink_degC:.0f} °C{surroundings}"
     )
     at = f"{rounded(seen.amperes)} A rms" if rated is None else f"rated current {rounded(rated)} A"
-    figures["steady_rise_K"] = bounded_rise(np.asarray(drawn.rise), f"{at}, {heated}", seen)
+    figures["steady_rise_K"] = steady_rise(np.asarray(drawn.rise), f"{at}, {heated}", seen)
     figures |= at_limit(drawn, seen, limit, heated)
     if rise is not None:
         figures |= within_rise(drawn, seen, rise, at, heated)
