@@ -394,8 +394,8 @@ def table(rows: Sequence[Row], seed: int) -> str:
     costs = [row["cost"] for row in done if "cost" in row]
     if costs:
         lines += ["", "## What a step costs", "",
-                  "Nanoseconds on one core of the machine of the study, gcc -O2, double; *by hand*: "
-                  "two nodes, constant resistances, Euler.", "",
+                  "On one core of the machine of the study, gcc -O2, double; *by hand*: two nodes, "
+                  "constant resistances, Euler.", "",
                   *heads("exports | two nodes by hand | model | observer | state of the observer"),
                   f"| {len(costs)} | " + " | ".join(
                       f"{min(c[n] for c in costs):.0f} … {max(c[n] for c in costs):.0f}{unit}"

@@ -2,8 +2,8 @@
 
 Profile 24 of the Paderborn motor. It is calibrated on the heating, without and with 20 minutes of
 cooling, and followed through the rest, on which it was not fitted: the sensor blanked for ten
-minutes at a time, and a start 30 K wrong. (The cooling alone tells no machine.) The record is not part of the project (`../shared/bench`): without it
-nothing is done.
+minutes at a time, and a start 30 K wrong. (The cooling alone tells no machine.) The record is not
+part of the project (`../shared/bench`): without it nothing is done.
 """
 
 from __future__ import annotations
@@ -54,13 +54,13 @@ def followed(record: pd.DataFrame, fitted: str) -> Row:
         folder = Path(name)
         (folder / "motor.toml").write_text(MOTOR, encoding="utf-8")
         pd.DataFrame(columns_of(record[is_fitted])).to_csv(folder / "fitted.csv", index=False)
-        code, said = command(["calibrate", str(folder / "motor.toml"), str(folder / "fitted.csv"),
-                              "--model", "second", "--quick", "--out", str(folder / "run")])  # fmt: skip
+        motor, test, run, c = (str(folder / n) for n in ("motor.toml", "fitted.csv", "run", "c"))
+        words = ["calibrate", motor, test, "--model", "second", "--quick", "--out", run]
+        code, said = command(words)
         if code != 0:
             raise SystemExit(said)
         use = stated_use(folder / "run")
-        words = ["export", str(folder / "run"), "--to", "c", "--step", str(STEP_S), "--replica",
-                 "--out", str(folder / "c")]  # fmt: skip
+        words = ["export", run, "--to", "c", "--step", str(STEP_S), "--replica", "--out", c]
         code, said = command(words)
         if code != 0:
             raise SystemExit(said)
@@ -72,7 +72,7 @@ def followed(record: pd.DataFrame, fitted: str) -> Row:
         follow = compiled(folder / "c")
         is_blank = (since >= FIRST_S) & ((since - FIRST_S) % EVERY_S < BLANK_S)
         start = float(truth[0])
-        T, sd, sensor = follow(without_reading(rows, is_blank), start, 5.0)
+        T, sd, _ = follow(without_reading(rows, is_blank), start, 5.0)
         open_T, _, _ = follow(without_reading(rows), start, 5.0)
         wrong_T, wrong_sd, _ = follow(rows, start + WRONG_K, WRONG_K)
         _, _, sound = follow(rows, start, 5.0)
@@ -95,11 +95,11 @@ def table(rows: list[Row]) -> str:
     lines = [
         "# The exported observer on a real record",
         "",
-        f"Paderborn's profile 24, `make study-observer`: calibrated on the first part (second order, "
-        f"quick), exported with `--to c --step {STEP_S:g}`, run over the rest. The winding's sensor is blanked "
-        f"for {BLANK_S // 60} of {EVERY_S // 60} min from {FIRST_S / 60:g} min on; the truth is what "
-        f"it shows. *Wrong start*: {WRONG_K:g} K off, from {SETTLED_S // 60} min on. One machine, few "
-        "blanks: an example, no rate.",
+        "Paderborn's profile 24, `make study-observer`: calibrated on the first part (second "
+        f"order, quick), exported with `--to c --step {STEP_S:g}`, run over the rest. The "
+        f"winding's sensor is blanked for {BLANK_S // 60} of {EVERY_S // 60} min from {FIRST_S / 60:g} min "
+        f"on; the truth is what it shows. *Wrong start*: {WRONG_K:g} K off, from "
+        f"{SETTLED_S // 60} min on. One machine, few blanks: an example, no rate.",
         "",
         *heads("fitted | verdict | blanks | in the 95 % band | its sd | RMSE, blanked | "
                "largest error | open loop, same minutes | in the band after a wrong start | "

@@ -194,8 +194,8 @@ def refuse_lawless(ids: Iterable[str], where: str) -> None:
     """
     if lacking := lacking_laws(ids):
         raise InputError(
-            f"the C source does not hold the law of {', '.join(lacking)}: events, drifts and delays "
-            "of a test are not the drive's, nor are laws beyond the catalogue.",
+            f"the C source does not hold the law of {', '.join(lacking)}: events, drifts and "
+            "delays of a test are not the drive's, nor are laws beyond the catalogue.",
             where=where,
             remedy="Pass --replica for the nearest network without it, or export --to mat.",
         )
