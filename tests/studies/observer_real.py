@@ -97,7 +97,8 @@ def table(rows: list[Row]) -> str:
         "",
         "Paderborn's profile 24, `make study-observer`: calibrated on the first part (second "
         f"order, quick), exported with `--to c --step {STEP_S:g}`, run over the rest. The "
-        f"winding's sensor is blanked for {BLANK_S // 60} of {EVERY_S // 60} min from {FIRST_S / 60:g} min "
+        f"winding's sensor is blanked for {BLANK_S // 60} "
+        f"of {EVERY_S // 60} min from {FIRST_S / 60:g} min "
         f"on; the truth is what it shows. *Wrong start*: {WRONG_K:g} K off, from "
         f"{SETTLED_S // 60} min on. One machine, few blanks: an example, no rate.",
         "",
