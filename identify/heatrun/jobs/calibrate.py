@@ -12,6 +12,7 @@ from ..calibration import BenchTest, Calibration, Settings, calibrate, identity,
 from ..model.network_text import network_text
 from ..record.motor import Motor
 from ..reports.of_run import with_sheet
+from ..runs.duties import parse_duty
 from ..runs.run_folder import RunFolder, free_place, refuse_unwritable
 from ..runs.write import write_run
 from ..work import Progress, work_of_calibration
@@ -94,7 +95,8 @@ def calibrate_into(
     )
     # what the sheet says beside the numbers: a run with other words on it is another result
     stated = motor.certificate.as_section()
-    further = (*settings.duties, *([json.dumps(stated, sort_keys=True)] if stated else []))
+    duties = [repr(parse_duty(each, 1.0)) for each in settings.duties]  # with what a file says
+    further = (*duties, *([json.dumps(stated, sort_keys=True)] if stated else []))
     folder = place.begin(same, say, further)
     names = [form.name for form in settings.forms]
     work = work_of_calibration(names, len(tests), settings.method, progress)

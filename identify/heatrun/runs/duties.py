@@ -1,4 +1,4 @@
-"""Currents of the duty types S2 and S3 at the insulation limit, where they are asked for.
+"""Currents of duty types, and of any duty, at the insulation limit, where they are asked for.
 
 The values behind each draw: of the network, and of the effect that it may miss.
 
@@ -17,6 +17,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import NamedTuple
 
 import jax
@@ -27,7 +28,7 @@ from jaxtyping import Array, Float, Int
 from lptn import Drive, hold
 from lptn.effects import AbstractEffect
 
-from ..errors import UsageError
+from ..errors import InputError, UsageError
 from ..io.programs import compiled
 from ..io.quantities import rounded
 from ..model.catalogue import lacking
@@ -39,6 +40,7 @@ from ..posterior.posterior import Posterior
 from ..results.model import DerivedFigure
 from ..results.values import known, number
 from .machine import (
+    RAD_PER_S,
     WARM,
     Machine,
     Tested,
@@ -164,7 +166,7 @@ def _add(
 
 
 CYCLE_S = 600.0
-"""Length of a cycle of S3 [s]; IEC 60034-1, 4.2.3, if not agreed otherwise."""
+"""Length of a cycle of S3 and S6 [s]; IEC 60034-1, 4.2.3 and 4.2.6, if not agreed otherwise."""
 
 NUM_DRAWS = 300
 """Draws behind a rating: each is a search over simulated duties."""
@@ -173,43 +175,121 @@ LARGEST, NUM_HALVINGS = 6.0, 16
 """Largest current of the search over the largest one tested [1], and halvings of its range: to
 2^-16 of it, far below the uncertainty."""
 
-PATTERN = re.compile(r"^S2-(?P<minutes>\d+(?:\.\d+)?)$|^S3-(?P<percent>\d+(?:\.\d+)?)$")
+PATTERN = re.compile(r"^(?P<kind>S2|S3|S6)-(?P<number>\d+(?:\.\d+)?)$")
+
+COLUMNS = ("seconds", "current_A", "speed_rpm", "other_losses_W")
+"""Columns of a duty's file; the last two may be left out."""
+
+
+class Phase(NamedTuple):
+    """A part of a duty over which the load stays.
+
+    Attributes:
+        seconds: Its length [s].
+        current: Rms current over the largest of the duty [1].
+        rpm: Speed; None for that of the loaded tests.
+        other_W: Losses other than copper; None for those of the loaded tests.
+    """
+
+    seconds: float
+    current: float
+    rpm: float | None = None
+    other_W: float | None = None
+
+
+AT_REST = {"current": 0.0, "rpm": 0.0, "other_W": 0.0}
 
 
 @dataclass(frozen=True)
 class Duty:
-    """A duty type of IEC 60034-1.
+    """A duty type of IEC 60034-1, or any other.
 
     Attributes:
-        name: As asked for: `"S2-30"` is 30 minutes from cold, `"S3-40"` 40 % of each cycle.
-        on_s: Time under load [s].
-        off_s: Time at rest, de-energised, after it [s]; 0 for S2.
+        name: As asked for: `"S2-30"` is 30 minutes from cold, `"S3-40"` 40 % of each cycle, then
+            at rest; `"S6-40"` the same, then without current at the speed of the tests.
+        phases: What is repeated.
         num_cycles: Cycles until the last one counts.
+        words: What the losses are, for the condition.
     """
 
     name: str
-    on_s: float
-    off_s: float
+    phases: tuple[Phase, ...]
     num_cycles: int
+    words: str
 
 
 def parse_duty(text: str, slow_s: float) -> Duty:
     """Return a duty by its name.
 
     Args:
-        text: `"S2-MINUTES"` or `"S3-PERCENT"`.
+        text: `"S2-MINUTES"`, `"S3-PERCENT"`, `"S6-PERCENT"`, or the path of a CSV file with a phase
+            of the cycle in each row: `COLUMNS`.
         slow_s: Slow time constant [s]; a cycled duty runs for five of them.
 
     Raises:
         UsageError: If the name is none of these, or the share is not inside 0…100 %.
+        InputError: If the file is not such a duty.
     """
+    if text.lower().endswith(".csv"):
+        phases = _read(Path(text))
+        words = "as the file has them" if phases[0].other_W is not None else ""
+        return _cycled(Path(text).stem, phases, slow_s, words)
     found = PATTERN.match(text)
-    if found and found["minutes"] and float(found["minutes"]) > 0:
-        return Duty(text, 60.0 * float(found["minutes"]), 0.0, 1)
-    if found and found["percent"] and 0 < float(found["percent"]) < 100:
-        on = CYCLE_S * float(found["percent"]) / 100.0
-        return Duty(text, on, CYCLE_S - on, max(2, round(5 * slow_s / CYCLE_S)))
-    raise UsageError(f"rating {text!r}: expected S2-MINUTES or S3-PERCENT, such as S2-30 or S3-40.")
+    number = float(found["number"]) if found else 0.0
+    if found and number > 0.0 and found["kind"] == "S2":
+        return Duty(text, (Phase(60.0 * number, 1.0),), 1, "")
+    if found and 0.0 < number < 100.0 and found["kind"] != "S2":
+        on = CYCLE_S * number / 100.0
+        rest = {"current": 0.0} if found["kind"] == "S6" else AT_REST
+        phases = (Phase(on, 1.0), Phase(CYCLE_S - on, **rest))
+        return _cycled(text, phases, slow_s, "")
+    raise UsageError(
+        f"rating {text!r}: expected S2-MINUTES, S3-PERCENT or S6-PERCENT, such as S2-30 or S3-40, "
+        "or a CSV file of the phases of a duty."
+    )
+
+
+def _cycled(name: str, phases: tuple[Phase, ...], slow_s: float, words: str) -> Duty:
+    cycle = sum(phase.seconds for phase in phases)
+    return Duty(name, phases, max(2, round(5 * slow_s / cycle)), words)
+
+
+def _read(path: Path) -> tuple[Phase, ...]:
+    """Return the phases of a duty's file, by the largest of its currents."""
+    import pandas as pd
+
+    try:
+        table = pd.read_csv(path)
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"the duty cannot be read: {error}", where=str(path),
+            remedy=f"Write a CSV file with the columns {', '.join(COLUMNS)}.",
+        ) from None  # fmt: skip
+    found = [name for name in COLUMNS if name in table]
+    numbers = table.apply(pd.to_numeric, errors="coerce").to_numpy(float)
+    is_known = set(COLUMNS[:2]) <= set(found) == set(table.columns)
+    if not is_known or not numbers.size or not np.all(np.isfinite(numbers)):
+        raise InputError(
+            f"expected numbers in the columns {', '.join(COLUMNS)} (the last two may be left out), "
+            f"got the columns {', '.join(map(str, table.columns))} and {len(table)} rows.",
+            where=str(path),
+            remedy="Write one row for each phase of the cycle.",
+        )
+    largest = float(table["current_A"].abs().max())
+    if not largest > 0.0 or not (table["seconds"] > 0.0).all():
+        raise InputError(
+            "a duty needs a current in one phase, and phases of more than 0 s.",
+            where=str(path),
+            remedy="Write the rms current of each phase [A] and its length [s].",
+        )
+    return tuple(
+        Phase(
+            row["seconds"], abs(row["current_A"]) / largest,
+            row.get("speed_rpm", None if row["current_A"] else 0.0),
+            row.get("other_losses_W", None if row["current_A"] else 0.0),
+        )
+        for row in table.to_dict("records")
+    )  # fmt: skip
 
 
 def current_at_limit(
@@ -263,14 +343,15 @@ class Rated:
 
 
 def duty_current(rated: Rated, text: str) -> DerivedFigure:
-    """Return the current of a duty type at the limit; at rest it stands still without losses.
+    """Return the largest current of a duty at the limit; at rest it stands still without losses.
 
     Args:
         rated: The machine.
         text: The duty, such as `"S2-30"`.
 
     Raises:
-        UsageError: As `heatrun.runs.duties.parse_duty`.
+        UsageError: As `parse_duty`.
+        InputError: As `parse_duty`.
     """
     duty = parse_duty(text, float(np.median(rated.times[:, -1])))
     if rated.limit is None:
@@ -282,28 +363,61 @@ def duty_current(rated: Rated, text: str) -> DerivedFigure:
     other = rated.drawn.other[picked]
     values = {name: draws[picked] for name, draws in rated.behind.values.items()}
     longest = float(np.min(rated.times[picked])) / STEPS_PER_TIME_CONSTANT
+    phases = _held(duty, seen.loaded, longest)
 
     def highest(current: np.ndarray, duty: Duty) -> np.ndarray:
         factor = jnp.asarray(current) ** 2 / seen.loaded.current_squared
-        phases = []
-        for length in (duty.on_s, duty.off_s):
-            num = int(np.ceil(length / longest))
-            phases.append((jnp.asarray(length / max(num, 1)), jnp.asarray(num)))
-        on, off = phases
-        top = _highest(rated.behind.model, values, seen.loaded, other, factor, on, off,
+        top = _highest(rated.behind.model, values, seen.loaded, other, factor, phases,
                        jnp.asarray(duty.num_cycles))  # fmt: skip
         return np.asarray(top)
 
+    losses = f"other losses {np.median(other):.0f} W under load"
+    if duty.num_cycles == 1 or any(phase.other_W == 0.0 for phase in duty.phases):
+        losses += ", none at rest"
+    losses = f"other losses {duty.words}" if duty.words else losses
     current = current_at_limit(duty, highest, limit.degC, LARGEST * seen.current_A, picked.size)
     entry = figure(
         current,
         "A",
-        f"{text}, {limit}, other losses {np.median(other):.0f} W under load, none at rest, "
-        f"sink {seen.sink_degC:.0f} °C{rated.surroundings}",
+        f"{duty.name}, {limit}, {losses}, sink {seen.sink_degC:.0f} °C{rated.surroundings}",
     )
     if not math.isfinite(entry.median):
         return refused(f"{rounded(LARGEST * seen.current_A)} A does not reach {limit.degC:.0f} °C")
     return extrapolated(entry, seen.short_of(degC=limit.degC, amperes=entry.median))
+
+
+class Phases(NamedTuple):
+    """The phases of a duty as arrays, shape (phase,).
+
+    Attributes:
+        step: Length of a step [s].
+        num: Number of steps.
+        squared: Squared current over the largest [1].
+        speed: Speed over that of the loaded tests [1].
+        share: Losses other than copper over those of the loaded tests [1].
+        watts: What comes to them [W].
+    """
+
+    step: Float[Array, " phase"]
+    num: Int[Array, " phase"]
+    squared: Float[Array, " phase"]
+    speed: Float[Array, " phase"]
+    share: Float[Array, " phase"]
+    watts: Float[Array, " phase"]
+
+
+def _held(duty: Duty, loaded: Drive, longest: float) -> Phases:
+    """Return the phases of a duty in steps of a length at most [s]."""
+    rpm = 0.0 if loaded.speed_rad is None else float(loaded.speed_rad) / RAD_PER_S
+    rows = []
+    for phase in duty.phases:
+        num = int(np.ceil(phase.seconds / longest))
+        speed = 1.0 if phase.rpm is None else abs(phase.rpm) / rpm if rpm else 0.0
+        watts = 0.0 if phase.other_W is None else phase.other_W
+        rows.append((phase.seconds / num, num, phase.current**2, speed,
+                     float(phase.other_W is None), watts))  # fmt: skip
+    step, num, *rest = (jnp.asarray(each) for each in zip(*rows, strict=True))
+    return Phases(step, num, *rest)
 
 
 @compiled("model")
@@ -313,34 +427,34 @@ def _highest(
     loaded: Drive,
     other: Float[Array, " draw"],
     factor: Float[Array, " draw"],
-    on: tuple[Array, Array],
-    off: tuple[Array, Array],
+    phases: Phases,
     num_cycles: Array,
 ) -> Float[Array, " draw"]:
     """Return the highest copper temperature in the last cycle of each draw [degC]."""
-    zero = jnp.zeros(())
-    standing = None if loaded.speed is None else zero
 
     def one(values, other, factor):
         network, effects = model.network(values), model.built_effects(values)
         losses = fixed_losses(model.losses(values))
-        under_load = replace(loaded.scale_current(factor), losses=other)
-        at_rest = replace(
-            loaded.scale_current(0.0), losses=zero, speed=standing, speed_rad=standing
-        )
         copper = network.copper_node
 
-        def phase(drive, start, lengths):
-            step, num = lengths
-            return hold(network, losses, drive, start, step=step, num_steps=num, effects=effects)
+        def held(start, at: Phases):
+            drive = loaded.scale_current(factor * at.squared)
+            if loaded.speed is not None and loaded.speed_rad is not None:
+                speed, speed_rad = at.speed * loaded.speed, at.speed * loaded.speed_rad
+                drive = replace(drive, speed=speed, speed_rad=speed_rad)
+            drive = replace(drive, losses=at.share * other + at.watts)
+            found = hold(network, losses, drive, start, step=at.step, num_steps=at.num,
+                         effects=effects)  # fmt: skip
+            return found.last, found.highest[copper]
 
         def cycle(_, state):
-            warm = phase(under_load, state[0], on)
-            rest = phase(at_rest, warm.last, off)
-            return rest.last, jnp.maximum(warm.highest[copper], rest.highest[copper])
+            last, highest = jax.lax.scan(held, state[0], phases)
+            return last, jnp.max(highest)
 
         sink = dict.fromkeys(network.nodes, loaded.ambient)
-        cold = hold(network, losses, at_rest, sink, step=zero, num_steps=0, effects=effects).last
+        zero = jnp.zeros(())
+        cold = hold(network, losses, replace(loaded, losses=other), sink, step=zero, num_steps=0,
+                    effects=effects).last  # fmt: skip
         return jax.lax.fori_loop(0, num_cycles, cycle, (cold, loaded.ambient))[1]
 
     return jax.vmap(one)(values, other, factor)

@@ -34,7 +34,17 @@ from ..model.model import Model
 from ..posterior.posterior import Posterior
 from ..record.motor import LIMIT_DEGC
 from ..results.model import AT_REST, LOADED, DerivedFigure
-from .duties import Behind, Limit, Rated, alone, at_limit, duty_current, with_effects, within_rise
+from .duties import (
+    Behind,
+    Limit,
+    Rated,
+    alone,
+    at_limit,
+    duty_current,
+    parse_duty,
+    with_effects,
+    within_rise,
+)
 from .machine import Tested, UnderLoad, figure, machines, steady_rise, tested, under_load
 
 
@@ -222,7 +232,7 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
 
     Args:
         posterior: Draws, of any network with any effects.
-        duties: Ratings asked for, such as `"S2-30"` and `"S3-40"`.
+        duties: Ratings asked for, such as `"S2-30"` and `"S3-40"`, as `parse_duty`.
 
     Raises:
         UsageError: If a rating is none of these.
@@ -270,7 +280,7 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
         times = time_constants(rates(behind.model, behind.values, seen.loaded, winding).A)
     machine = Rated(behind, drawn, times, seen, limit, surroundings)
     for duty in duties:
-        figures[f"{duty}_current_A"] = duty_current(machine, duty)
+        figures[f"{parse_duty(duty, 1.0).name}_current_A"] = duty_current(machine, duty)
     return figures
 
 
