@@ -30,7 +30,7 @@ from ordinary_machines import KINDS, Case, make, resistance, structure_fitted, w
 from page_numbers import said_and_simulated
 from study_runs import rows_as_they_come, write_rows
 
-TUNING_SEED, REPORTING_SEED = 8_000, 94_000
+TUNING_SEED, REPORTING_SEED = 8_000, 95_000
 
 IN_SET = 0.1
 """Probability from which on an effect that may be missing is told, and counts as in the set [1]."""
