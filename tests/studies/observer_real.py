@@ -8,7 +8,6 @@ part of the project (`../shared/bench`): without it nothing is done.
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from pathlib import Path
 
@@ -18,7 +17,7 @@ from gate_rows import heads
 from observer import BLANK_S, EVERY_S, SETTLED_S, WRONG_K, alarms_of, compiled, without_reading
 from ordinary import stated_use
 from paderborn import MOTOR, columns_of
-from real_records import BENCH, PADERBORN
+from real_records import paderborn_record
 from study_runs import Row, command
 
 STEP_S = 2.5
@@ -33,17 +32,13 @@ INPUTS = ("phase_current_A", "losses_W", "coolant_degC", "speed_rpm")
 
 def main() -> None:
     """Run the study."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--bench", type=Path, default=BENCH)
-    parser.add_argument("--out", type=Path, default=Path("results") / "observer")
-    options = parser.parse_args()
-    if not (options.bench / PADERBORN).exists():
-        print(f"{options.bench / PADERBORN} is not there: nothing is done.")
+    found = paderborn_record(__doc__ or "", "observer")
+    if found is None:
         return
-    record = pd.read_csv(options.bench / PADERBORN)
+    record, out = found
     rows = [followed(record, fitted) for fitted in FITTED_UNTIL_S]
-    options.out.mkdir(parents=True, exist_ok=True)
-    (options.out / "real.md").write_text(table(rows), encoding="utf-8")
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "real.md").write_text(table(rows), encoding="utf-8")
     print(table(rows))
 
 

@@ -129,6 +129,24 @@ class Row:
     seconds: float
 
 
+def paderborn_record(description: str, out: str) -> tuple[pd.DataFrame, Path] | None:
+    """Return the record of profile 24 and the folder of the results, as the options of a study say;
+    None, with a word, where the record is not at hand.
+
+    Args:
+        description: Of the study.
+        out: Its folder under `results`.
+    """
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("--bench", type=Path, default=BENCH)
+    parser.add_argument("--out", type=Path, default=Path("results") / out)
+    options = parser.parse_args()
+    if not (options.bench / PADERBORN).exists():
+        print(f"{options.bench / PADERBORN} is not there: nothing is done.")
+        return None
+    return pd.read_csv(options.bench / PADERBORN), options.out
+
+
 def main() -> None:
     """Run the study."""
     parser = argparse.ArgumentParser(description=__doc__)

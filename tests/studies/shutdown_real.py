@@ -7,7 +7,6 @@ known. The record is not part of the project (`../shared/bench`): without it not
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import io
 import json
@@ -17,7 +16,7 @@ from typing import Any
 
 import pandas as pd
 from paderborn import MOTOR, columns_of
-from real_records import BENCH, PADERBORN
+from real_records import paderborn_record
 
 import heatrun
 from heatrun import cli
@@ -50,22 +49,18 @@ held-out cooling are too (`results/real/table.md`). Without it the intervals are
 
 def main() -> None:
     """Run the study."""
-    parser = argparse.ArgumentParser(description="A real load drop with its first readings hidden.")
-    parser.add_argument("--bench", type=Path, default=BENCH)
-    parser.add_argument("--out", type=Path, default=Path("results") / "shutdown")
-    options = parser.parse_args()
-    if not (options.bench / PADERBORN).exists():
-        print(f"{options.bench / PADERBORN} is not there: nothing is done.")
+    found = paderborn_record("A real load drop with its first readings hidden.", "shutdown")
+    if found is None:
         return
-    record = pd.read_csv(options.bench / PADERBORN)
+    record, out = found
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         run = calibrated(record, folder)
         rows = [
             answer(record, delay, folder, of_run) for delay in DELAYS_S for of_run in (None, run)
         ]
-    options.out.mkdir(parents=True, exist_ok=True)
-    (options.out / "real.md").write_text(table(rows), encoding="utf-8")
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "real.md").write_text(table(rows), encoding="utf-8")
     print(table(rows))
 
 

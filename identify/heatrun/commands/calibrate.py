@@ -104,7 +104,6 @@ def calibrate_into_folder(
     from ..model.network_text import BUILT_IN
     from ..reports.terminal import result_text
     from ..results import to_json, to_plain
-    from ..runs.duties import parse_duty
     from ..runs.run_folder import default_folder
 
     begun = time.monotonic()
@@ -113,8 +112,6 @@ def calibrate_into_folder(
         return NOT_ALLOWED
     names = [network.name for network in networks]
     name = "both" if names == list(BUILT_IN) else "-".join(names)
-    for duty in getattr(options, "rating", ()):
-        parse_duty(duty, 1.0)  # wrong use is said before anything is fitted
     path = options.out or default or default_folder(motor, tests[0].record, name)
     place = Place(path, is_named=options.out is not None, is_replacing=options.force)
     settings = Settings(

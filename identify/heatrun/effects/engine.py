@@ -352,8 +352,8 @@ class Engine:
                 continue
             quantity = self.quantity(parameter)
             if parameter.role == "known":
-                if quantity.limit is not None:
-                    high[position] = float(parameter.score(quantity.limit))
+                if parameter.limit is not None:
+                    high[position] = parameter.largest_score
             elif quantity.null is None:
                 low[position], high[position] = -2.5, 2.5
             else:

@@ -64,6 +64,9 @@ OF_NODE = {
 """Member of `heatrun_parameters` for each parameter of the effects: one number, or one for each
 link or node, where it stands at that of the effect."""
 
+OF_PLACE = {"end_winding_node": "p", "sensor_contact": "k"}
+"""Effects by which the sensor sits between the winding and another node, and the share of that."""
+
 OF_READING = ("sensor_lag", "sensor_contact", "sensor_gain")
 """What they do to the reading is in the observer; a gain is one of the bench's sensor."""
 
@@ -297,13 +300,9 @@ class CSource:
         parts = np.zeros(len(self.nodes))
         parts[self.nodes.index(self.found["sensor"]["node"])] = 1.0
         for effect in np.atleast_1d(self.found["effects"]):
-            if effect["id"] == "end_winding_node":
-                moved = float(effect["parameters"]["p"])
-                parts[self.nodes.index(effect["added"])] += moved
-                parts[self.nodes.index("winding")] -= moved
-            elif effect["id"] == "sensor_contact":
-                moved = float(effect["parameters"]["k"])
-                parts[self.nodes.index(effect["node"])] += moved
+            if effect["id"] in OF_PLACE:
+                moved = float(effect["parameters"][OF_PLACE[effect["id"]]])
+                parts[self.nodes.index(effect.get("added", effect.get("node")))] += moved
                 parts[self.nodes.index("winding")] -= moved
         return parts
 

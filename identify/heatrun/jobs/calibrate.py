@@ -95,7 +95,8 @@ def calibrate_into(
     )
     # what the sheet says beside the numbers: a run with other words on it is another result
     stated = motor.certificate.as_section()
-    duties = [repr(parse_duty(each, 1.0)) for each in settings.duties]  # with what a file says
+    # with what a file says; wrong use is said before anything is fitted
+    duties = [repr(parse_duty(each, 1.0)) for each in settings.duties]
     further = (*duties, *([json.dumps(stated, sort_keys=True)] if stated else []))
     folder = place.begin(same, say, further)
     names = [form.name for form in settings.forms]

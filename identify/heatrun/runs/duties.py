@@ -342,18 +342,13 @@ class Rated:
     surroundings: str
 
 
-def duty_current(rated: Rated, text: str) -> DerivedFigure:
+def duty_current(rated: Rated, duty: Duty) -> DerivedFigure:
     """Return the largest current of a duty at the limit; at rest it stands still without losses.
 
     Args:
         rated: The machine.
-        text: The duty, such as `"S2-30"`.
-
-    Raises:
-        UsageError: As `parse_duty`.
-        InputError: As `parse_duty`.
+        duty: The duty.
     """
-    duty = parse_duty(text, float(np.median(rated.times[:, -1])))
     if rated.limit is None:
         return refused(NO_CLASS)
     if not np.any(rated.drawn.copper_slope):

@@ -279,8 +279,9 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
     if behind is not base:  # the body of an effect may be faster
         times = time_constants(rates(behind.model, behind.values, seen.loaded, winding).A)
     machine = Rated(behind, drawn, times, seen, limit, surroundings)
-    for duty in duties:
-        figures[f"{parse_duty(duty, 1.0).name}_current_A"] = duty_current(machine, duty)
+    for text in duties:
+        duty = parse_duty(text, float(np.median(times[:, -1])))
+        figures[f"{duty.name}_current_A"] = duty_current(machine, duty)
     return figures
 
 
