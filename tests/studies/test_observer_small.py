@@ -26,7 +26,8 @@ from observer import (
 from ordinary_machines import drawn_machine, plain
 
 from heatrun.export import mat_bytes, network_variables
-from heatrun.export.c_file import CSource, Missed
+from heatrun.export.c_file import CSource
+from heatrun.export.missed import Missed
 from heatrun.export.network_course import read_network
 from heatrun.model.model import Model
 from heatrun.record.motor import Motor
@@ -56,7 +57,13 @@ def test_an_observer_of_the_true_figures_holds_its_band_and_tells_every_fault(tm
     )  # fmt: skip
     missed = Missed(0.003, 1200.0, bench["noise_K"], bench["noise_s"], 0.0, sensor_K=0.55,
                     sink_K=0.5, share=0.01, resolution_K=bench["digit_K"])  # fmt: skip
-    said = {"run": "run", "sha256": "0" * 64, "machine": "machine", "network": "second order"}
+    said = {
+        "run": "run",
+        "sha256": "0" * 64,
+        "machine": "machine",
+        "network": "second order",
+        "corrections": "by nothing",
+    }
     for name, text in CSource.of(read_network(mat_bytes(variables)), missed, said).texts().items():
         (tmp_path / name).write_bytes(text)
     spent = cost(tmp_path)

@@ -14,23 +14,14 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import nnls
 
 from lptn.effects.surface import STEFAN_BOLTZMANN
 
 from ..errors import InputError
-from ..model.model import Model
-from ..record.samples import BLOCK_S
-from ..results.model import FittedModel
-from ..results.values import known
-from ..runs.run import Run
 from ..version import __version__
+from .missed import Missed
 from .network_course import simulate_held, with_bodies
 from .network_file import SIGNALS
-from .rerun import (
-    Predicted,
-    RunAndTest,
-)
 
 HEADER, SOURCE, HARNESS, VECTORS = "thermal_network.h", "thermal_network.c", "main.c", "vectors.csv"
 
@@ -112,78 +103,6 @@ INPUTS = {"Is": "current_A", "Pd": "losses_W", "Pol": "losses_W", "Te": "sink_de
 """Member of the struct of inputs by the name in `network.mat`, in the order of the struct."""
 
 
-@dataclass(frozen=True)
-class Missed:
-    """What the observer knows of noise, of heat that the network misses, and of constant errors.
-
-    Attributes:
-        heat: Standard deviation of the heat over the mean loss [1].
-        heat_s: Its correlation time [s].
-        slow_K: Standard deviation of the slow part of the readings' noise [K].
-        slow_s: Its correlation time [s].
-        white_K: Standard deviation of the white part in a mean of `BLOCK_S` [K].
-        sensor_K: Standard deviation of the constant error of the sensor [K].
-        sink_K: Standard deviation of a temperature from the parameters that there is without a rise
-            [K].
-        share: That of a rise from the parameters, over the rise [1].
-        resolution_K: Step of the readings [K].
-        answer: Standard deviation of a change soon after a step of the load, over the change [1].
-    """
-
-    heat: float
-    heat_s: float
-    slow_K: float
-    slow_s: float
-    white_K: float
-    sensor_K: float
-    sink_K: float = 0.0
-    share: float = 0.0
-    resolution_K: float = 0.0
-    answer: float = 0.0
-
-    @classmethod
-    def of(
-        cls, run: Run, network: str | None, found: RunAndTest, predicted: Predicted | None,
-        bias_K: float,
-    ) -> Missed:  # fmt: skip
-        """Return what a run says of a network.
-
-        Args:
-            run: The run.
-            network: Name of the network; None for the last one.
-            found: The test that is exported.
-            predicted: What the run predicts of it.
-            bias_K: RMS by which a simpler network is elsewhere: readings stray from it so far.
-        """
-        model, record = run.result.models[run.choose(network)], found.record
-        noise = model.noise
-        said, heat = found.model.adequacy, known(noise.unmodelled_heat)
-        heat = said.unmodelled_heat if heat is None else heat
-        slow = math.hypot(noise.sd_K, bias_K)
-        priors = run.model(network).parameters.by_test[0]
-        sink = record[f"{found.motor.sink}_degC"]
-        # a drive's sensors are of the class of the bench's, and need not be the same ones
-        offset, gain = (
-            priors[name].sd if name in priors else 0.0 for name in ("sensor_offset", "sensor_gain")
-        )
-        rise = float(np.sqrt(np.nanmean((record["winding_degC"] - sink) ** 2)))
-        ours = priors.get("ambient_offset")
-        sink_K, share = _spread(predicted, found.model.form.nodes, float(np.nanmean(sink)), bias_K)
-        return cls(heat, said.heat_time_s, slow, noise.time_s, noise.white_K,
-                   math.hypot(offset, gain * rise), max(sink_K, ours.sd if ours else 0.0), share,
-                   max(each.resolution_K for each in found.blocks.loggers),
-                   _least_known(model, found.model))  # fmt: skip
-
-    def reading(self, step: float) -> float:
-        """Return the standard deviation of the white part of one reading [K].
-
-        Args:
-            step: Time between readings [s].
-        """
-        white = self.white_K**2 * max(1.0, BLOCK_S / step)
-        return math.sqrt(max(white, self.resolution_K**2 / 12.0) + 1e-6)
-
-
 def lacking_laws(ids: Iterable[str]) -> list[str]:
     """Return the effects whose laws the source does not hold."""
     return sorted({name for name in ids if name not in LAWS})
@@ -211,7 +130,7 @@ class CSource:
     Attributes:
         of_run: The variables of `network.mat`, as `read_network` gives them.
         missed: What the observer knows of noise and missed heat.
-        said: Names in the comment: run, sha256, machine, network.
+        said: Words in the comment: run, sha256, machine, network, corrections.
         step: Length of a step [s].
         parts: Number of parts of a step.
     """
@@ -492,45 +411,6 @@ class CSource:
             "heat_decay": repr(math.exp(-self.step / missed.heat_s)),
             "blind": repr(float(self.step * losses / lightest)),
         }
-
-
-def _spread(
-    predicted: Predicted | None, nodes: Sequence[str], sink: float, bias: float
-) -> tuple[float, float]:
-    """Return the standard deviation of a temperature from the parameters, in two parts.
-
-    Args:
-        predicted: What the run predicts of its test.
-        nodes: Those of the network.
-        sink: Mean temperature of the sink [degC].
-        bias: RMS by which a simpler network is elsewhere [K].
-
-    Returns:
-        That which there is without a rise [K], and that of a rise over the rise [1].
-    """
-    if predicted is None:
-        return 0.0, 0.0
-    squares, variances = [], []
-    for node in nodes:
-        median = predicted.nodes[node]
-        lower, upper = map(np.asarray, predicted.nodes_95[node])
-        squares.append((median - sink) ** 2)
-        variances.append(((upper - lower) / (2 * 1.96)) ** 2)
-    square = np.concatenate(squares)
-    both = np.column_stack([np.ones(square.size), square])
-    (at_rest, by_rise), _ = nnls(both, np.concatenate(variances))
-    half = 0.5 * bias**2  # nothing says whether it goes with the rise
-    by_rise += half / max(float(np.mean(square)), 1.0)
-    return math.sqrt(at_rest + half), math.sqrt(by_rise)
-
-
-def _least_known(fitted: FittedModel, model: Model) -> float:
-    """Return the largest relative standard deviation of what shapes a change: capacities,
-    resistances and the lag of a sensor [1].
-    """
-    names = {each.name for each in model.form.parameters} | {"sensor_lag.tau"}
-    return max((each.sd / abs(each.value) for name, each in fitted.parameters.items()
-                if name in names and each.value), default=0.0)  # fmt: skip
 
 
 def in_comment(text: str) -> str:

@@ -9,15 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
 from ..io.whole_files import numbered
-from ..record.derive import recorded_shaft_power
 from ..record.motor import Motor
 from ..record.record import Finding
 from .contents import Simulated, contents_of, mat_bytes, write_export
 from .network_file import refuse_unknown
-from .rerun import RunAndTest, as_replica, effects_of, read_new_test, read_run_test
-from .variables import Corrections, Shaft
+from .rerun import RunAndTest, as_replica, effects_of, read_new_test, read_run_test, shaft_of
+from .variables import Corrections
 
 LARGEST_UNSAID_K = 0.5
 """Corrections that move the winding by more are worth a warning: that is the standard uncertainty
@@ -122,7 +120,7 @@ def _export(
     contents = contents_of(found)
     variables, notes = contents.variables(found)
     corrections = Corrections.of(found.values)
-    corrected = contents.corrected(variables, corrections, _shaft(found, corrections))
+    corrected = contents.corrected(variables, corrections, shaft_of(found, corrections))
     plain = contents.simulated(variables, corrections)
     full = contents.simulated(corrected, corrections)
     difference = float(np.max(np.abs(full.winding - plain.winding)))
@@ -131,7 +129,7 @@ def _export(
         variables, plain = corrected, full
         loss = "Pol" if "Pol" in variables else "Pd"
         signals = f"Is, {loss}, Te and Te2" if "Te2" in variables else f"Is, {loss} and Te"
-        notes = (*notes, f"{signals} are corrected as in the run: {_words(corrections)}.")
+        notes = (*notes, f"{signals} are corrected as in the run: {corrections.words()}.")
     else:
         findings = _left_out(corrections, difference, found.record.name, contents.file)
     findings += _effects_left_out(found, full.reading, contents.file)
@@ -170,29 +168,6 @@ def _rmse(course: Simulated, measured: np.ndarray) -> dict[str, float | None]:
     return {"rmse_K": rmse(course.winding), "rmse_reading_K": rmse(course.reading)}
 
 
-def _shaft(found: RunAndTest, corrections: Corrections) -> Shaft:
-    """Return speed and mechanical power at the samples where a correction needs them."""
-    time = found.record.time_s
-
-    def at_samples(values: np.ndarray | None, what: str, channel: str) -> np.ndarray:
-        is_read = np.zeros(time.size, dtype=bool) if values is None else np.isfinite(values)
-        if values is None or not np.any(is_read):
-            raise InputError(
-                f"the run corrects the {what}, and this test has no {channel} to apply it to.",
-                where=found.record.name,
-                remedy=f"Map {channel}, or export another test.",
-            )
-        return np.interp(time, time[is_read], values[is_read])
-
-    channels = found.record.channels
-    speed = power = None
-    if corrections.torque_offset:
-        speed = at_samples(channels.get("speed_rpm"), "torque", "speed_rpm")
-    if corrections.needs_shaft_power:
-        power = at_samples(recorded_shaft_power(channels), "mechanical power", "torque_Nm")
-    return Shaft(speed, power)
-
-
 def _left_out(
     corrections: Corrections, difference: float, test: str, file: str
 ) -> tuple[Finding, ...]:
@@ -203,7 +178,7 @@ def _left_out(
             id="corrections_left_out",
             severity="warning",
             message="The run corrects current, losses, sink and timing "
-            f"({_words(corrections)}), for which {file} has no variables; the record's own "
+            f"({corrections.words()}), for which {file} has no variables; the record's own "
             "samples take the winding up to "
             f"{difference:.2g} K elsewhere (limit {LARGEST_UNSAID_K} K).",
             where=test,
@@ -239,14 +214,6 @@ def _effects_left_out(found: RunAndTest, reading: np.ndarray, file: str) -> tupl
             values={"effects_K": difference},
         ),
     )
-
-
-def _words(corrections: Corrections) -> str:
-    units = {"current_gain": "", "power_gain": "", "torque_offset": " N m", "ambient_offset": " K",
-             "load_timing": " s", "shaft_power_gain": "", "shaft_power_offset": " W",
-             "second_sink_offset": " K"}  # fmt: skip
-    given = {name: getattr(corrections, name) for name in units}
-    return ", ".join(f"{n} = {v:.3g}{units[n]}" for n, v in given.items() if v) or "by nothing"
 
 
 def _describe(value: Any, unit: str) -> dict[str, Any]:

@@ -15,7 +15,6 @@ import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -24,13 +23,14 @@ from ..io.toml_text import parse_toml
 from ..model.model import Model, change_name
 from ..readers.joined import files_of, read_test
 from ..record.blocks import Blocks
+from ..record.derive import recorded_shaft_power
 from ..record.motor import Motor
 from ..record.record import Record
 from ..results.values import known
 from ..runs.replica import replica
 from ..runs.run import Run, RunTest, model_name, open_run
 from ..simulation import predict_values, read_driven, read_parameters
-from .variables import Corrections
+from .variables import Corrections, Shaft
 
 
 @dataclass(frozen=True)
@@ -41,15 +41,11 @@ class Predicted:
         time_s: Times of the blocks on the record's own axis [s], shape (block,).
         reading: Median of the winding's reading [degC], shape (block,).
         maybe_missing: Probability of each effect that the network may miss [1], by its id.
-        nodes: Median by node [degC], shape (block,).
-        nodes_95: Its 95 % limits from the parameters by node [degC], lower then upper.
     """
 
     time_s: np.ndarray
     reading: np.ndarray
     maybe_missing: Mapping[str, float]
-    nodes: Mapping[str, np.ndarray]
-    nodes_95: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -136,7 +132,7 @@ def of_record(
     files = tuple(Path(entry["path"]) for entry in run.manifest["inputs"])
     rows = known(run.result.models[run.choose(network)].maybe_missing) or ()
     missing = {row.id: row.probability for row in rows if row.test in (None, record.name)}
-    predicted = Predicted(found.time_s, found.median, missing, found.nodes, found.nodes_95)
+    predicted = Predicted(found.time_s, found.median, missing)
     return RunAndTest(run.path, found.model, motor, record, values, is_held_out, found.test, files,
                       predicted=predicted)  # fmt: skip
 
@@ -348,3 +344,26 @@ def _with_winding(record: Record) -> Record:
         return record
     nothing = np.full(record.time_s.size, np.nan)
     return replace(record, channels={**record.channels, "winding_degC": nothing})
+
+
+def shaft_of(found: RunAndTest, corrections: Corrections) -> Shaft:
+    """Return speed and mechanical power at the samples where a correction needs them."""
+    time = found.record.time_s
+
+    def at_samples(values: np.ndarray | None, what: str, channel: str) -> np.ndarray:
+        is_read = np.zeros(time.size, dtype=bool) if values is None else np.isfinite(values)
+        if values is None or not np.any(is_read):
+            raise InputError(
+                f"the run corrects the {what}, and this test has no {channel} to apply it to.",
+                where=found.record.name,
+                remedy=f"Map {channel}, or export another test.",
+            )
+        return np.interp(time, time[is_read], values[is_read])
+
+    channels = found.record.channels
+    speed = power = None
+    if corrections.torque_offset:
+        speed = at_samples(channels.get("speed_rpm"), "torque", "speed_rpm")
+    if corrections.needs_shaft_power:
+        power = at_samples(recorded_shaft_power(channels), "mechanical power", "torque_Nm")
+    return Shaft(speed, power)

@@ -15,16 +15,17 @@ from .c_file import (
     STEP_S,
     VECTORS,
     CSource,
-    Missed,
     lacking_laws,
     refuse_lawless,
 )
 from .contents import NETWORK, mat_bytes, write_export, zipped
 from .fmu import compiled, fmu_files
+from .missed import Missed
 from .modelica import modelica
 from .network_course import read_network
 from .parameters import Entry, entries
-from .rerun import RunAndTest, as_replica, effects_of, of_no_test, read_run_test
+from .rerun import RunAndTest, as_replica, effects_of, of_no_test, read_run_test, shaft_of
+from .variables import Corrections
 
 
 class Sourced(NamedTuple):
@@ -130,15 +131,19 @@ def read_source(
     whole = of_no_test(read_run_test(run, test=test, network=network), network)
     found, bias = as_replica(whole, network, LAWS) if is_replica else (whole, 0.0)
     variables, notes = NETWORK.variables(found)
+    corrections = Corrections.of(found.values)
+    variables = NETWORK.corrected(variables, corrections, shaft_of(found, corrections))
+    missed = Missed.of(opened, network, found, whole, bias)
     title = found.model.title
     said = {
         "run": run.resolve().name,
         "sha256": opened.manifest["files"]["fit.json"],
         "machine": found.motor.name,
         "network": f"{title} (replica)" if is_replica else title,
+        "corrections": corrections.words(),
     }
-    missed = Missed.of(opened, network, found, whole.predicted, bias)
     source = CSource.of(read_network(mat_bytes(variables)), missed, said, step)
+    notes += (f"What drives it is meant as the run corrects it: {corrections.words()}.",)
     limits = [] if is_replica else ends(opened, network, found, source)
     return Sourced(source, entries(source, found.model, limits), found, notes)
 

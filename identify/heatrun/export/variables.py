@@ -119,6 +119,14 @@ class Corrections:
         later = {"Pd": self.later(time, losses), "Te": self.later(time, sink)}
         return {**variables, "Is": current, **later}
 
+    def words(self) -> str:
+        """Return the corrections of what drives a network, in words."""
+        units = {"current_gain": "", "power_gain": "", "torque_offset": " N m",
+                 "ambient_offset": " K", "load_timing": " s", "shaft_power_gain": "",
+                 "shaft_power_offset": " W", "second_sink_offset": " K"}  # fmt: skip
+        given = {name: getattr(self, name) for name in units}
+        return ", ".join(f"{n} = {v:.3g}{units[n]}" for n, v in given.items() if v) or "by nothing"
+
     def later(self, time: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Return a signal as much later as the load is, shape (time, 1).
 

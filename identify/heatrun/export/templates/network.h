@@ -5,6 +5,8 @@
  * SHA-256:  $sha256  (fit.json of the run)
  * Machine:  $machine
  * Network:  $network
+ * Losses:   what becomes heat in the machine: those of the bench as the run corrects them,
+ *           $corrections
  *
  * One call of heatrun_step advances the model by HEATRUN_STEP_S; inputs are means over that step.
  * No heap, no global state, no libm, no recursion; loops are bounded. Compile with

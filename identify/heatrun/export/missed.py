@@ -1,0 +1,186 @@
+"""What an observer knows of noise, of heat that the network misses, and of constant errors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import nnls
+
+from ..model.bodies import OWN, own_name
+from ..model.model import Model
+from ..record.blocks import Blocks
+from ..record.samples import BLOCK_S
+from ..results.model import FittedModel
+from ..results.values import known
+from ..runs.run import Run
+from .rerun import RunAndTest
+from .variables import Corrections
+
+if TYPE_CHECKING:
+    from ..posterior.predict import Prediction
+
+POWER = ("power_gain", *OWN, *map(own_name, OWN))
+"""Errors of the instruments that the losses are made with."""
+
+
+@dataclass(frozen=True)
+class Missed:
+    """What the observer knows of noise, of heat that the network misses, and of constant errors.
+
+    Attributes:
+        heat: Standard deviation of the heat over the mean loss [1].
+        heat_s: Its correlation time [s].
+        slow_K: Standard deviation of the slow part of the readings' noise [K].
+        slow_s: Its correlation time [s].
+        white_K: Standard deviation of the white part in a mean of `BLOCK_S` [K].
+        sensor_K: Standard deviation of the constant error of the sensor [K].
+        sink_K: Standard deviation of a temperature from the parameters that there is without a rise
+            [K].
+        share: That of a rise from the parameters and the losses, over the rise [1].
+        resolution_K: Step of the readings [K].
+        answer: Standard deviation of a change soon after a step of the load, over the change [1].
+    """
+
+    heat: float
+    heat_s: float
+    slow_K: float
+    slow_s: float
+    white_K: float
+    sensor_K: float
+    sink_K: float = 0.0
+    share: float = 0.0
+    resolution_K: float = 0.0
+    answer: float = 0.0
+
+    @classmethod
+    def of(
+        cls, run: Run, network: str | None, found: RunAndTest, whole: RunAndTest, bias_K: float
+    ) -> Missed:
+        """Return what a run says of a network.
+
+        The losses are meant as the run corrects them. What it leaves open of that is in the
+        parameters: they are drawn for losses that are given.
+
+        Args:
+            run: The run.
+            network: Name of the network; None for the last one.
+            found: The test that is exported.
+            whole: The same with all effects of the run; where `found` has fewer, its readings of
+                the losses are taken as they are.
+            bias_K: RMS by which a simpler network is elsewhere: readings stray from it so far.
+        """
+        model, record = run.result.models[run.choose(network)], found.record
+        noise = model.noise
+        said, heat = found.model.adequacy, known(noise.unmodelled_heat)
+        heat = said.unmodelled_heat if heat is None else heat
+        slow = math.hypot(noise.sd_K, bias_K)
+        priors = run.model(network).parameters.by_test[0]
+        sink = record[f"{found.motor.sink}_degC"]
+        # a drive's instruments are of the class of the bench's, and need not be the same ones
+        offset, gain = (
+            priors[name].sd if name in priors else 0.0 for name in ("sensor_offset", "sensor_gain")
+        )
+        rise = float(np.sqrt(np.nanmean((record["winding_degC"] - sink) ** 2)))
+        ours = priors.get("ambient_offset")
+        predicted = _for_given_losses(run, network, whole.blocks)
+        nodes = [node for node in found.model.form.nodes if node in predicted.nodes]
+        sink_K, share = _spread(predicted, nodes, float(np.nanmean(sink)), bias_K)
+        errors = {name: priors[name].sd for name in POWER
+                  if name in priors and priors[name].fixed is None}  # fmt: skip
+        its, theirs = (Corrections.of(each.values) for each in (whole, found))
+        for name in ("power_gain", *OWN):  # where they differ, the readings are meant
+            left = getattr(its, name) - getattr(theirs, name)
+            errors[name] = math.hypot(errors.get(name, 0.0), left)
+        along, rest = of_losses(errors, found.blocks)
+        heat, share = math.hypot(heat, rest), math.hypot(share, along)
+        sink_K = max(sink_K, ours.sd if ours else 0.0)
+        resolution_K = max(each.resolution_K for each in found.blocks.loggers)
+        return cls(heat, said.heat_time_s, slow, noise.time_s, noise.white_K,
+                   math.hypot(offset, gain * rise), sink_K, share, resolution_K,
+                   _least_known(model, found.model))  # fmt: skip
+
+    def reading(self, step: float) -> float:
+        """Return the standard deviation of the white part of one reading [K].
+
+        Args:
+            step: Time between readings [s].
+        """
+        white = self.white_K**2 * max(1.0, BLOCK_S / step)
+        return math.sqrt(max(white, self.resolution_K**2 / 12.0) + 1e-6)
+
+
+def _for_given_losses(run: Run, network: str | None, test: Blocks) -> Prediction:
+    """Return what a run predicts of a test whose losses are known, as the run corrects them."""
+    from ..posterior.predict import predict
+
+    draws = run.draws(network)
+    vectors = draws.vectors.copy()
+    for place, slot in enumerate(draws.parameters.slots):
+        if slot.parameter.name in POWER:
+            vectors[:, place] = np.median(vectors[:, place])
+    return predict(replace(draws, vectors=vectors), test)
+
+
+def of_losses(errors: Mapping[str, float], test: Blocks) -> tuple[float, float]:
+    """Return what errors of instruments make of the losses, in two parts, RMS over the test.
+
+    Args:
+        errors: Size by name, one of `POWER` [their units].
+        test: The test.
+
+    Returns:
+        The part that goes with the losses, over these [1]; and the rest, over their mean [1].
+    """
+    losses = test.means["losses"]
+    square, mean = max(float(losses @ losses), 1e-6), max(float(np.mean(np.abs(losses))), 1e-3)
+    beside = {"power_gain": "losses", "shaft_power_gain": "shaft_power", "torque_offset": "speed"}
+    share = rest = 0.0
+    for name, size in errors.items():
+        signal = beside.get(name.removeprefix("own_"))
+        moved = size * (
+            np.ones_like(losses) if signal is None else test.means.get(signal, 0.0 * losses)
+        )
+        along = float(moved @ losses) / square
+        share = math.hypot(share, along)
+        rest = math.hypot(rest, float(np.sqrt(np.mean((moved - along * losses) ** 2))) / mean)
+    return share, rest
+
+
+def _spread(
+    predicted: Prediction, nodes: Sequence[str], sink: float, bias: float
+) -> tuple[float, float]:
+    """Return the standard deviation of a temperature from the parameters, in two parts.
+
+    Args:
+        predicted: What the run predicts of its test.
+        nodes: Those of the network.
+        sink: Mean temperature of the sink [degC].
+        bias: RMS by which a simpler network is elsewhere [K].
+
+    Returns:
+        That which there is without a rise [K], and that of a rise over the rise [1].
+    """
+    squares, variances = [], []
+    for node in nodes:
+        lower, upper = predicted.nodes_95[node]
+        squares.append((predicted.nodes[node] - sink) ** 2)
+        variances.append(((upper - lower) / (2 * 1.96)) ** 2)
+    square = np.concatenate(squares)
+    both = np.column_stack([np.ones(square.size), square])
+    (at_rest, by_rise), _ = nnls(both, np.concatenate(variances))
+    half = 0.5 * bias**2  # nothing says whether it goes with the rise
+    by_rise += half / max(float(np.mean(square)), 1.0)
+    return math.sqrt(at_rest + half), math.sqrt(by_rise)
+
+
+def _least_known(fitted: FittedModel, model: Model) -> float:
+    """Return the largest relative standard deviation of what shapes a change: capacities,
+    resistances and the lag of a sensor [1].
+    """
+    names = {each.name for each in model.form.parameters} | {"sensor_lag.tau"}
+    return max((each.sd / abs(each.value) for name, each in fitted.parameters.items()
+                if name in names and each.value), default=0.0)  # fmt: skip
