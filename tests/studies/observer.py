@@ -8,8 +8,8 @@ instruments of its own, as a drive has, with errors as heatrun declares them: se
 sink, current, and the power and torque that the losses are the difference of.
 
 `--keep FOLDER` keeps the runs, and takes those that are there: calibrations are most of the time.
-The seed says kind and half. Those from 6000 on are for tuning, 96000 to 96004 and
-96011 to 96014 were looked at, the report uses those from 96015 on.
+The seed says kind and half. Those from 6000 on are for tuning, 96000 to 96014 were looked at, the
+report uses those from 96015 on.
 """
 
 from __future__ import annotations
@@ -346,11 +346,11 @@ def table(rows: Sequence[Row], seed: int) -> str:
         f"of {DRIVEN_S / 3600:g} h and {sum(row['clean_h'] for row in done):.0f} h of clean duty "
         "cycles. Each was calibrated on two tests with `--quick`, exported with `--to c` (where C "
         "lacks a law, with `--replica`), compiled and run at 1 Hz. The winding sensor is blanked "
-        f"for {BLANK_S // 60} of {EVERY_S // 60} min; each record has sensors of winding and sink "
-        "of its own, with errors as heatrun declares them (0.5 K, 0.5 % of the rise, k = 1). "
-        "Limits: 95 %, over tests; each machine has one calibration, and the machines are few. "
-        "96000 to 96004 were looked at while the observer was made; 96005 to 96008 were followed "
-        "once before, with the bench's own sensor of the sink.",
+        f"for {BLANK_S // 60} of {EVERY_S // 60} min; each record has instruments of its own, with "
+        "errors as heatrun declares them (winding and sink 0.5 K, 0.5 % of the rise, losses 0.5 % "
+        "of the mechanical power, of a coil 1 % of the losses, k = 1). Limits: 95 %, over tests; "
+        "each machine has one calibration, and the machines are few. 96000 to 96014 were looked at "
+        "while the observer was made.",
         "",
         *heads("gate | wanted | measured | 95 % limits | "),
     ]
