@@ -155,7 +155,8 @@ def driven_records(
 def compiled(folder: Path) -> Follow:
     """Compile an export; return what follows rows of inputs and readings with it.
 
-    That returns temperatures and standard deviations by node, and the state of the sensor.
+    That returns temperatures and standard deviations of winding and stator, and the state of the
+    sensor; a body that the network has beside them is none of the machine's.
     """
     program = built(folder, HARNESS)
 
@@ -163,7 +164,7 @@ def compiled(folder: Path) -> Follow:
         words, given = [str(program), f"{start:.6f}", f"{sd:g}"], np.ascontiguousarray(rows)
         done = subprocess.run(words, check=True, input=given.tobytes(), capture_output=True)
         found = np.frombuffer(done.stdout).reshape(len(rows), -1)
-        return found[:, 0:-2:2], found[:, 1:-2:2], found[:, -1].astype(int)
+        return found[:, 0:4:2], found[:, 1:4:2], found[:, -1].astype(int)
 
     return follow
 
