@@ -6,7 +6,9 @@ from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 SIGNALS = (
@@ -174,22 +176,24 @@ class Drive(eqx.Module):
             rated_current: As in `Inputs`.
         """
 
-        def number(value):
-            return None if value is None else jnp.asarray(value, dtype=float)
+        def number(value):  # of NumPy where it is known: eager JAX would compile each step
+            if value is None or isinstance(value, jax.Array):
+                return value
+            return np.asarray(value, dtype=float)
 
-        squared = jnp.asarray(current_squared, dtype=float)
+        squared = number(current_squared)
         return cls(
-            time=jnp.asarray(time, dtype=float),
+            time=number(time),
             current_squared=squared,
-            losses=jnp.asarray(losses, dtype=float),
-            ambient=jnp.asarray(ambient, dtype=float),
-            speed=None if speed is None else jnp.asarray(speed, dtype=float) / rated_speed,
+            losses=number(losses),
+            ambient=number(ambient),
+            speed=None if speed is None else number(speed) / rated_speed,
             speed_rad=number(speed),
             coolant=number(coolant),
             fan=number(fan),
             shaft_power=number(shaft_power),
             second_sink=number(second_sink),
-            current_ratio_squared=squared / jnp.asarray(rated_current, dtype=float) ** 2,
+            current_ratio_squared=squared / number(rated_current) ** 2,
         )
 
     def scale_current(self, factor: Float[Array, ""] | float) -> Drive:

@@ -277,13 +277,21 @@ def refuse_unplaced(kinds: Sequence[type[AbstractEffect]], network: Network, tit
 
 def unplaced(kinds: Sequence[type[AbstractEffect]], network: Network) -> str:
     """Return why a network has no place for effects, empty if it has one for all of them."""
+    import jax
+
     from lptn.effects import NodeEffect, build_all
 
     wanted = [(kind, dict.fromkeys(kind.card.parameters, 1.0)) for kind in kinds]
-    try:
-        for effect in build_all(wanted, network):
+
+    def extended() -> tuple[str, ...]:
+        whole = network
+        for effect in build_all(wanted, whole):
             if isinstance(effect, NodeEffect):
-                network = effect.extend(network)
+                whole = effect.extend(whole)
+        return ()
+
+    try:
+        jax.eval_shape(extended)  # no number is of interest, and none is computed
     except ValueError as error:
         return str(error)
     return ""

@@ -37,12 +37,13 @@ class Priors(eqx.Module):
             z: Scores.
             test: Index of the test.
         """
+        exp = np.exp if isinstance(z, np.ndarray) else jnp.exp  # eager JAX would compile it
         result = dict(self.fixed[test])
         for position, (name, transform, owner) in enumerate(form):
             if owner is None or owner == test:
                 shift = self.sd[position] * z[position]
                 centre = self.centre[position]
-                result[name] = centre * jnp.exp(shift) if transform == "log" else centre + shift
+                result[name] = centre * exp(shift) if transform == "log" else centre + shift
         return result
 
     @classmethod

@@ -306,7 +306,7 @@ def _simulated(
     means = []
     for version in versions:
         data = replace(problem.data, tests=(version.observation().padded(),))
-        means.append(blocks.own(predict_batch(problem.structure, data, z[None])[0][0]))
+        means.append(blocks.own(np.asarray(predict_batch(problem.structure, data, z[None])[0])[0]))
     return means
 
 

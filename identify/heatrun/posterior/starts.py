@@ -50,10 +50,13 @@ def too_stiff(model: Model, values: Mapping[str, Any], step_s: float) -> Bool[np
         step_s: Length of the step [s].
     """
     names = [parameter.name for parameter in model.form.parameters]
-    longest = jax.vmap(lambda one: longest_step(model.network(one)))(
-        {name: jnp.asarray(values[name]) for name in names}
-    )
+    longest = _longest_steps(model, {name: np.asarray(values[name], float) for name in names})
     return step_s > STABLE * np.asarray(longest)
+
+
+@compiled("model", is_seldom=True)
+def _longest_steps(model: Model, values: Mapping[str, Any]) -> Float[Array, " draw"]:
+    return jax.vmap(lambda one: longest_step(model.network(one)))(values)
 
 
 def refuse_unstable(

@@ -75,7 +75,10 @@ def alone(posterior: Posterior) -> Behind:
     problem = posterior.fit.problem
     structure, priors = problem.structure, problem.data.priors
     z = posterior.flat[:, : problem.num_parameters]
-    values = jax.vmap(lambda z: priors.values(structure.form, z, 0))(z)
+    values = {
+        name: np.broadcast_to(np.asarray(draws), z.shape[0])
+        for name, draws in priors.values(structure.form, z.T, 0).items()
+    }
     return Behind(structure.model, structure.model.in_general(values), ())
 
 
@@ -538,7 +541,7 @@ def within_rise(
 def _continuous(
     drawn: Machine, squared: Array, seen: Tested, limit: Limit, text: str
 ) -> DerivedFigure:
-    if not np.any(drawn.copper_slope):
+    if not np.any(np.asarray(drawn.copper_slope)):
         return refused(NO_CURRENT)
     entry = figure(np.sqrt(np.maximum(np.asarray(squared), 0.0)), "A", text)
     return extrapolated(entry, seen.short_of(degC=limit.degC, amperes=entry.median))

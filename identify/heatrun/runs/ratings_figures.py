@@ -259,10 +259,10 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
     around = partial(
         seen.surroundings,
         base.model.effects,
-        follows_time=bool(np.any(network.follows_time)),
+        follows_time=bool(np.any(np.asarray(network.follows_time))),
         second_sink=base.model.form.second_sink,
     )
-    is_fed = bool(np.any(drawn.copper_slope))
+    is_fed = bool(np.any(np.asarray(drawn.copper_slope)))
     figures = at_conditions(posterior)
     figures |= _time_constants(network, is_fed, times, seen.amperes, around())
     surroundings = around(likely=behind.likely)
