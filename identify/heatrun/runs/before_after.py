@@ -28,7 +28,7 @@ from ..model.parameters import EXTRA_NODE, Parameter, effect_parameters, overrid
 from ..record.motor import LIMIT_DEGC
 from ..results.model import AT_REST, LOADED, DerivedFigure
 from ..results.values import Interval, Probability, known
-from .duties import Behind, Limit, at_limit, extended
+from .duties import Behind, Limit, at_limit, extended, within_rise
 from .machine import RAD_PER_S, Machine, Tested, figure, machines, steady_rise
 from .ratings_figures import names_of_times, rates, resistances
 from .run import Run
@@ -48,6 +48,9 @@ SAME_LOAD = 0.1
 one quantity [1]: with the power 0.8 of a turbulent flow it changes by 8 %."""
 
 UNDER_LOAD = "time constants, steady rise, continuous current"
+
+RATED_BY = ("continuous_current_A", "continuous_current_by_rise_A", "steady_rise_K")
+"""What a machine is rated by, whatever its network."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,13 +152,15 @@ class _Side:
 
         return extended(self.draws.plausible, self.base, known_of, lambda k: bool(_lacks(k, seen)))
 
-    def machine(self, behind: Behind, seen: Tested, amperes: float, degC: float) -> Machine:
+    def machine(
+        self, behind: Behind, seen: Tested, amperes: float, degC: float, permitted: float
+    ) -> Machine:
         scale = (amperes / seen.amperes) ** 2 if seen.amperes else 1.0
-        at = np.asarray(seen.loaded_winding_degC), np.asarray(degC), np.asarray(scale)
+        at = map(np.asarray, (seen.loaded_winding_degC, degC, scale, permitted))
         return machines(behind.model, behind.values, seen.loaded, *at)
 
     def other_losses_W(self, seen: Tested) -> float:
-        drawn = self.machine(self.behind(seen), seen, seen.amperes, np.nan)
+        drawn = self.machine(self.behind(seen), seen, seen.amperes, np.nan, np.nan)
         return float(np.median(drawn.other))
 
     def stated(self, name: str) -> _Drawn:
@@ -183,7 +188,7 @@ class _Side:
         return "" if name in self.free else f"of each test apart {self.word}"
 
     def figures(self, seen: Tested, amperes: float, before: Tested) -> dict[str, _Drawn]:
-        """Return resistances, time constants, steady rise and continuous current under a load.
+        """Return resistances, time constants, steady rise and continuous currents under a load.
 
         Args:
             seen: The load, with the range of the run's own tests.
@@ -191,10 +196,13 @@ class _Side:
             before: The load whose winding temperature the time constants are told for.
         """
         behind, model = self.behind(seen), self.model
-        letter = self.run.motor.insulation_class
+        motor, sink = self.run.motor, seen.sink_degC
+        letter, permitted = motor.insulation_class, motor.permitted_rise(sink)
         limit = None if letter is None else Limit(letter, LIMIT_DEGC[letter])
-        degC = np.nan if limit is None else limit.degC
-        drawn = self.machine(behind, seen, amperes, degC)
+        by_rise = None if permitted is None else Limit(permitted[0], sink + permitted[1],
+                                                       permitted[1])  # fmt: skip
+        ends = (np.nan if each is None else each.degC for each in (limit, by_rise))
+        drawn = self.machine(behind, seen, amperes, *ends)
         winding = np.asarray(before.loaded_winding_degC)
         network = rates(model, self.base.values, seen.loaded, winding)
         times = time_constants(network.A)
@@ -202,7 +210,7 @@ class _Side:
             model.effects, follows_time=bool(np.any(network.follows_time)),
             second_sink=model.form.second_sink, likely=behind.likely,
         )  # fmt: skip
-        heated = f"other losses {np.median(drawn.other):.0f} W, sink {seen.sink_degC:.0f} °C"
+        heated = f"other losses {np.median(drawn.other):.0f} W, sink {sink:.0f} °C"
         found = {
             f"{name}{ending}": (draws, figure(draws, "K/W", words, self.draws.plausible))
             for name, at in (resistances(behind, seen) if model.effects else {}).items()
@@ -212,11 +220,19 @@ class _Side:
             name: (draws, figure(draws, "s", f"constant copper loss{around}"))
             for name, draws in zip(names_of_times(times.shape[-1]), times.T, strict=True)
         }
-        rise, square = np.asarray(drawn.rise), np.asarray(drawn.limit_squared)
-        at = f"{rounded(amperes)} A rms, {heated}{around}"
-        found["steady_rise_K"] = rise, steady_rise(rise, at, seen)
-        entry = at_limit(drawn, seen, limit, f"{heated}{around}")["continuous_current_A"]
-        found["continuous_current_A"] = np.sqrt(np.maximum(square, 0.0)), entry
+        rise, heated = np.asarray(drawn.rise), f"{heated}{around}"
+        at = f"{rounded(amperes)} A"
+        at = f"rated current {at}" if amperes == motor.rated_current_A else f"{at} rms"
+        found["steady_rise_K"] = rise, steady_rise(rise, f"{at}, {heated}", seen)
+        currents = {
+            "continuous_current_A": (drawn.limit_squared, at_limit(drawn, seen, limit, heated))
+        }
+        if by_rise is not None:
+            currents["continuous_current_by_rise_A"] = (
+                drawn.permitted_squared, within_rise(drawn, seen, by_rise, at, heated),
+            )  # fmt: skip
+        for name, (square, entries) in currents.items():
+            found[name] = np.sqrt(np.maximum(np.asarray(square), 0.0)), entries[name]
         return found
 
 
@@ -328,8 +344,7 @@ def _under_one_load(
     first = before.figures(seen, amperes, seen)
     second = after.figures(replace(own, loaded=load), amperes, seen)
     if before.structure != after.structure:
-        is_one = lambda name: name in ("steady_rise_K", "continuous_current_A")  # noqa: E731
-        first, second = ({n: d for n, d in f.items() if is_one(n)} for f in (first, second))
+        first, second = ({n: f[n] for n in RATED_BY if n in f} for f in (first, second))
     for name in [n for n in (first | second) if n.endswith(LOADED)]:
         bare = name.removesuffix(LOADED)
         if why := before.refusal(bare) or after.refusal(bare):
@@ -339,9 +354,12 @@ def _under_one_load(
             found.setdefault(name, side.stated(bare))  # without effects it is the parameter
     if ("Rs0" in before.base.values) != ("Rs0" in after.base.values):
         left["steady_rise_K"] = "the copper loss enters one of the networks alone"
-    letters = [side.run.motor.insulation_class for side in (before, after)]
-    if letters[0] != letters[1]:
-        left["continuous_current_A"] = f"class {letters[0]} before, class {letters[1]} after"
+    motors = [side.run.motor for side in (before, after)]
+    letters = [motor.insulation_class for motor in motors]
+    used = [(motor.permitted_rise(seen.sink_degC) or (None,))[0] for motor in motors]
+    for name, pair in (("continuous_current_A", letters), ("continuous_current_by_rise_A", used)):
+        if pair[0] != pair[1]:
+            left[name] = f"class {pair[0]} before, class {pair[1]} after"
     names = sorted(first | second, key=lambda name: not name.endswith((LOADED, AT_REST)))
     alone = [name for name in names if name not in left and (name in first) != (name in second)]
     left |= dict.fromkeys(alone, "of one of the two networks alone")
@@ -382,7 +400,7 @@ def _change(
     return Change(
         name=name,
         unit=known(before.unit) or "",
-        condition=known(before.condition) or known(after.condition) or "",
+        condition=_condition(known(before.condition) or "", known(after.condition) or ""),
         before=Estimate(value=before.median, interval_95=before.ends),
         after=Estimate(value=after.median, interval_95=after.ends),
         difference=estimate(after.median - before.median, apart),
@@ -392,11 +410,22 @@ def _change(
     )
 
 
+def _condition(before: str, after: str) -> str:
+    """Return what both values hold under, and whether that after alone lies beyond its tests."""
+    beyond, own = (text.partition(", extrapolated, ")[2] for text in (after, before))
+    words = before or after
+    return f"{words}; after: extrapolated, {beyond}" if own != beyond and beyond else words
+
+
 def _notes(before: _Side, after: _Side) -> Iterator[str]:
     results = before.run.result, after.run.result
     names = [result.motor.name for result in results]
     if names[0] != names[1]:
         yield f"The machines have different names: {names[0]!r} before, {names[1]!r} after."
+    currents = [side.run.motor.rated_current_A for side in (before, after)]
+    if None not in currents and currents[0] != currents[1]:
+        one, other = (rounded(float(each or 0.0)) for each in currents)
+        yield f"Rated current {one} A before, {other} A after: the steady rise is that at {one} A."
     files = [{t.sha256 for t in r.tests if t.role == "calibration"} - {""} for r in results]
     if files[0] & files[1]:
         yield "Both runs were fitted to one file: intervals and probabilities do not hold."
