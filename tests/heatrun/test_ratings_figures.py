@@ -539,6 +539,9 @@ def test_a_heat_capacity_alone_gives_the_closed_form():
     found = current_at_limit(duty, highest, 155.0, 300.0, 3)
     np.testing.assert_allclose(found, np.sqrt(135.0 * 600.0 / (0.02 * 600.0)), rtol=1e-3)
     assert np.all(np.isinf(current_at_limit(duty, highest, 1e6, 300.0, 3)))
+    # far above the limit the simulation overflows: that is no current to permit
+    overflows = lambda current, duty: np.where(current > 100.0, np.nan, highest(current, duty))  # noqa: E731
+    np.testing.assert_array_equal(current_at_limit(duty, overflows, 155.0, 300.0, 3), found)
 
 
 def test_names_are_read():

@@ -312,7 +312,8 @@ def current_at_limit(
     beyond = highest(high, duty) < limit_degC
     for _ in range(NUM_HALVINGS):
         middle = 0.5 * (low + high)
-        is_hot = highest(middle, duty) >= limit_degC
+        # far above the limit a law may leave what numbers hold: no number is hot
+        is_hot = ~(highest(middle, duty) < limit_degC)
         low, high = np.where(is_hot, low, middle), np.where(is_hot, middle, high)
     return np.where(beyond, np.inf, 0.5 * (low + high))
 
