@@ -14,22 +14,18 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from lptn import time_constants
-from lptn.effects import AbstractEffect
 
 from ..errors import InputError
 from ..io.quantities import percent, rounded
-from ..model.model import Model
-from ..model.parameters import EXTRA_NODE, Parameter, effect_parameters, override
-from ..record.motor import LIMIT_DEGC
+from ..model.parameters import EXTRA_NODE
 from ..results.model import AT_REST, LOADED, DerivedFigure
 from ..results.values import Interval, Probability, known
-from .duties import Behind, Limit, at_limit, extended, within_rise
-from .machine import RAD_PER_S, Machine, Tested, figure, machines, steady_rise
+from .duties import Behind, alone_in, at_limit, limits_of, with_effects_in, within_rise
+from .machine import RAD_PER_S, SAME_LOAD, Machine, Tested, figure, machines, steady_rise
 from .ratings_figures import names_of_times, rates, resistances
 from .run import Run
 from .verdict import favoured, headline
@@ -42,10 +38,6 @@ SIZE = 0.05
 
 NUM_PAIRS = 4000
 """Pairs of draws: a limit of the interval is good to a twentieth of its half width."""
-
-SAME_LOAD = 0.1
-"""Relative difference of speed or flow up to which a resistance that no effect lets follow it is
-one quantity [1]: with the power 0.8 of a turbulent flow it changes by 8 %."""
 
 UNDER_LOAD = "time constants, steady rise, continuous current"
 
@@ -138,19 +130,11 @@ class _Side:
     @cached_property
     def base(self) -> Behind:
         """The network alone; events are those of the first test."""
-        values = self.draws.of_test(self.draws.parameters.tests[0])
-        arrays = {name: jnp.asarray(draws) for name, draws in values.items()}
-        return Behind(self.model, self.model.in_general(arrays), ())
+        return alone_in(self.draws)
 
     def behind(self, seen: Tested) -> Behind:
         """Return the network with the effects behind its draws, under a load."""
-
-        def known_of(_: Model, kinds: Sequence[type[AbstractEffect]]) -> Mapping[str, Parameter]:
-            # where an effect is absent its amplitude alone counts, which no machine's size moves
-            own = effect_parameters(kinds, 1.0, searched=kinds)
-            return {**self.draws.parameters.by_test[0], **override(own, self.draws.motor)}
-
-        return extended(self.draws.plausible, self.base, known_of, lambda k: bool(_lacks(k, seen)))
+        return with_effects_in(self.draws, self.base, seen)
 
     def machine(
         self, behind: Behind, seen: Tested, amperes: float, degC: float, permitted: float
@@ -197,10 +181,7 @@ class _Side:
         """
         behind, model = self.behind(seen), self.model
         motor, sink = self.run.motor, seen.sink_degC
-        letter, permitted = motor.insulation_class, motor.permitted_rise(sink)
-        limit = None if letter is None else Limit(letter, LIMIT_DEGC[letter])
-        by_rise = None if permitted is None else Limit(permitted[0], sink + permitted[1],
-                                                       permitted[1])  # fmt: skip
+        limit, by_rise = limits_of(motor, sink)
         ends = (np.nan if each is None else each.degC for each in (limit, by_rise))
         drawn = self.machine(behind, seen, amperes, *ends)
         winding = np.asarray(before.loaded_winding_degC)
@@ -234,11 +215,6 @@ class _Side:
         for name, (square, entries) in currents.items():
             found[name] = np.sqrt(np.maximum(np.asarray(square), 0.0)), entries[name]
         return found
-
-
-def _lacks(kind: type[AbstractEffect], seen: Tested) -> list[str]:
-    """Return what an effect needs and a load does not tell."""
-    return [need for need in kind.card.needs if getattr(seen.loaded, need, 0.0) is None]
 
 
 def compare_runs(
@@ -371,7 +347,7 @@ def _other_load(before: _Side, after: _Side, seen: Tested, own: Tested) -> Itera
     if before.structure[3] != after.structure[3]:
         yield "the heat goes to another sink after"
     for kind in after.model.effects:
-        for need in _lacks(kind, seen):
+        for need in seen.lacks(kind):
             yield f"the tests before do not tell the {need}, which {kind.card.id} after needs"
     cooling = [kind for kind in after.model.effects if kind.card.family == "cooling"]
     at = {"speed": ("speed_rad", 1.0 / RAD_PER_S, "rpm"), "fan": ("fan", 100.0, "% of rated flow")}

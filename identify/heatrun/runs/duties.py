@@ -32,11 +32,12 @@ from ..errors import InputError, UsageError
 from ..io.programs import compiled
 from ..io.quantities import rounded
 from ..model.catalogue import lacking
-from ..model.draws import PlausibleEffect, PlausibleEffects
+from ..model.draws import Draws, PlausibleEffect, PlausibleEffects
 from ..model.model import Model
 from ..model.model_parameters import parameters
-from ..model.parameters import Parameter, amplitudes, qualified
+from ..model.parameters import Parameter, amplitudes, effect_parameters, override, qualified
 from ..posterior.posterior import Posterior
+from ..record.motor import LIMIT_DEGC, Motor
 from ..results.model import DerivedFigure
 from ..results.values import known, number
 from .machine import (
@@ -77,6 +78,30 @@ def alone(posterior: Posterior) -> Behind:
     z = posterior.flat[:, : problem.num_parameters]
     values = jax.vmap(lambda z: priors.values(structure.form, z, 0))(z)
     return Behind(structure.model, structure.model.in_general(values), ())
+
+
+def alone_in(draws: Draws) -> Behind:
+    """As `alone`, of the draws of a run."""
+    values = draws.of_test(draws.parameters.tests[0])
+    arrays = {name: jnp.asarray(each) for name, each in values.items()}
+    return Behind(draws.model, draws.model.in_general(arrays), ())
+
+
+def with_effects_in(draws: Draws, base: Behind, seen: Tested) -> Behind:
+    """As `with_effects`, of the draws of a run under a load.
+
+    Args:
+        draws: Draws.
+        base: The network alone.
+        seen: The load; an effect that needs what it does not tell is left out.
+    """
+
+    def known_of(_: Model, kinds: tuple[type[AbstractEffect], ...]) -> Mapping[str, Parameter]:
+        # where an effect is absent its amplitude alone counts, which no machine's size moves
+        own = effect_parameters(kinds, 1.0, searched=kinds)
+        return {**draws.parameters.by_test[0], **override(own, draws.motor)}
+
+    return extended(draws.plausible, base, known_of, lambda kind: bool(seen.lacks(kind)))
 
 
 def with_effects(posterior: Posterior, base: Behind) -> Behind:
@@ -485,6 +510,20 @@ class Limit:
         return f"class {self.insulation} ({self.degC:.0f} °C)"
 
 
+def limits_of(motor: Motor, sink_degC: float) -> tuple[Limit | None, Limit | None]:
+    """Return the temperature of the insulation class, and what the permitted rise leads to.
+
+    Args:
+        motor: The machine.
+        sink_degC: Temperature of the sink [degC].
+    """
+    letter, permitted = motor.insulation_class, motor.permitted_rise(sink_degC)
+    return (
+        None if letter is None else Limit(letter, LIMIT_DEGC[letter]),
+        None if permitted is None else Limit(permitted[0], sink_degC + permitted[1], permitted[1]),
+    )
+
+
 def at_limit(
     drawn: Machine, seen: Tested, limit: Limit | None, heated: str
 ) -> dict[str, DerivedFigure]:
@@ -500,7 +539,7 @@ def at_limit(
     if limit is None:
         return {key: refused(NO_CLASS) for key in ("continuous_current_A", *names.values())}
     text = f"{limit}, {heated}"
-    figures = {"continuous_current_A": _continuous(drawn, drawn.limit_squared, seen, limit, text)}
+    figures = {"continuous_current_A": continuous(drawn, drawn.limit_squared, seen, limit, text)}
     starts = {"cold": "from the sink's temperature",
               "hot": f"from {100 * WARM:.0f} % of the steady rise"}  # fmt: skip
     for name, draws in (("cold", drawn.cold_s), ("hot", drawn.warm_s)):
@@ -526,7 +565,7 @@ def within_rise(
         heated: Losses and surroundings that the figures hold under.
     """
     assert limit.rise_K is not None
-    current = _continuous(drawn, drawn.permitted_squared, seen, limit, f"{limit}, {heated}")
+    current = continuous(drawn, drawn.permitted_squared, seen, limit, f"{limit}, {heated}")
     found = {"continuous_current_by_rise_A": current}
     rise = np.asarray(drawn.rise)
     if math.isfinite(number(known(steady_rise(rise, "", seen).sd))):
@@ -536,10 +575,21 @@ def within_rise(
     return found
 
 
-def _continuous(
+def continuous(
     drawn: Machine, squared: Array, seen: Tested, limit: Limit, text: str
 ) -> DerivedFigure:
+    """Return a continuous current [A].
+
+    Args:
+        drawn: The machine of each draw.
+        squared: Its square of each draw [A^2].
+        seen: Range of the tests.
+        limit: The limit.
+        text: What it holds under.
+    """
     if not np.any(drawn.copper_slope):
         return refused(NO_CURRENT)
+    if np.median(squared) <= 0.0:
+        return refused(f"the other losses alone lead to {limit.degC:.0f} °C")
     entry = figure(np.sqrt(np.maximum(np.asarray(squared), 0.0)), "A", text)
     return extrapolated(entry, seen.short_of(degC=limit.degC, amperes=entry.median))

@@ -32,15 +32,14 @@ from ..io.programs import compiled
 from ..io.quantities import rounded
 from ..model.model import Model
 from ..posterior.posterior import Posterior
-from ..record.motor import LIMIT_DEGC
 from ..results.model import AT_REST, LOADED, DerivedFigure
 from .duties import (
     Behind,
-    Limit,
     Rated,
     alone,
     at_limit,
     duty_current,
+    limits_of,
     parse_duty,
     with_effects,
     within_rise,
@@ -239,8 +238,7 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
     """
     problem = posterior.fit.problem
     seen = tested([test.winding for test in problem.tests])
-    insulation = problem.motor.insulation_class
-    limit = None if insulation is None else Limit(insulation, LIMIT_DEGC[insulation])
+    limit, rise = limits_of(problem.motor, seen.sink_degC)
     base = alone(posterior)
     behind = with_effects(posterior, base)
     winding = np.asarray(seen.loaded_winding_degC)
@@ -248,10 +246,6 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
     network = rates(base.model, base.values, seen.loaded, winding)
     rated = problem.motor.rated_current_A if seen.amperes > 0.0 else None
     scale = 1.0 if rated is None else (rated / seen.amperes) ** 2
-    permitted = problem.motor.permitted_rise(seen.sink_degC)
-    rise = None if permitted is None else Limit(
-        permitted[0], seen.sink_degC + permitted[1], permitted[1]
-    )  # fmt: skip
     top = np.asarray(np.nan if rise is None else rise.degC)
     at_load = seen.loaded, winding, degC, np.asarray(scale), top
     drawn = machines(behind.model, behind.values, *at_load)
