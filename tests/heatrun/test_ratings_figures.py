@@ -587,6 +587,37 @@ def test_a_phase_may_have_a_speed_and_losses_of_its_own(draws, tmp_path):
     assert "other losses as the file has them" in found["own_current_A"].condition
 
 
+def test_the_rms_of_a_cycle_is_that_of_the_exact_solution_where_it_applies(draws, tmp_path):
+    """A short cycle of half load with the other losses held: the winding sees the mean square."""
+    cold = {name: np.full(NUM, value) for name, value in TRUE.items()}
+    for name, seconds in (("short", 4.0), ("long", 400.0)):
+        rows = ["seconds,current_A", f"{seconds},100", f"{seconds},50"]
+        (tmp_path / f"{name}.csv").write_text("\n".join(rows))
+    (tmp_path / "rests.csv").write_text("seconds,current_A\n4,100\n4,0")
+    names = ("short", "long", "rests")
+    asked = [str(tmp_path / f"{name}.csv") for name in names]
+    found = derive(posterior("second", motor(), cold), asked)
+    continuous = found["continuous_current_A"].value
+    rms = np.sqrt(0.5 * (1.0 + 0.5**2))
+    entry, exact = found["short_rms_current_A"], found["short_current_A"]
+    assert entry.value == pytest.approx(continuous / rms)
+    # five slow time constants leave 0.7 % of the rise, 0.6 % of the current; the ripple is below
+    assert entry.value == pytest.approx(exact.value, rel=0.01)
+    apart = 100.0 * (entry.value / exact.value - 1.0)
+    word = "more" if apart > 0.0 else "less"
+    assert f"it permits {abs(apart):.1f} % {word} than by simulation" in entry.condition
+    assert "a cycle of 800 s is not short against" in found["long_rms_current_A"].refused
+    # and on the unsafe side
+    assert "more than by simulation" in found["long_rms_current_A"].refused
+    rests = found["rests_rms_current_A"].refused
+    assert "on average" in rests
+    assert "less than by simulation" in rests
+    say = Texts("de")
+    for name in names:
+        _derived(found[f"{name}_rms_current_A"], say)
+    assert not say.unknown
+
+
 TWO = ((2000.0, 620.0), (4000.0, 900.0))
 """Speeds [rpm], each with all losses [W]."""
 

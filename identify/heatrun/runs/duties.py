@@ -407,6 +407,61 @@ def duty_current(rated: Rated, duty: Duty) -> DerivedFigure:
     return extrapolated(entry, seen.short_of(degC=limit.degC, amperes=entry.median))
 
 
+SHORT_CYCLE = 0.5
+"""Longest cycle over the fastest time constant [1] that counts as short: the winding then peaks by
+a sixteenth of its own rise above its mean at most, d (1 - d)/2 of the cycle for a share d under
+load."""
+
+SAME_HEAT = 0.05
+"""Difference of the mean other losses over all losses [1] up to which the current alone decides."""
+
+
+def current_by_rms(
+    rated: Rated, duty: Duty, exact: DerivedFigure, fast_s: float
+) -> DerivedFigure | None:
+    """Return the current of a duty by the rms of its cycle; None without an exact one.
+
+    The rms of the cycle is taken for the continuous current, as where a constant load is said to be
+    equivalent to a duty: the rating for equivalent loading of IEC 60034-1 (from memory, to be
+    compared with the edition in force). IEC 60034-29 is of tests of machines that cannot be loaded,
+    and gives no such rule of currents.
+
+    Args:
+        rated: The machine.
+        duty: The duty.
+        exact: Its current by simulation.
+        fast_s: Fastest time constant of the network [s].
+    """
+    if rated.limit is None or known(exact.refused) or not math.isfinite(exact.median):
+        return None
+    drawn, limit = rated.drawn, rated.limit
+    seconds = np.array([phase.seconds for phase in duty.phases])
+    share = seconds / np.sum(seconds)
+    rms = math.sqrt(np.sum(share * np.array([phase.current for phase in duty.phases]) ** 2))
+    square = np.maximum(np.asarray(drawn.limit_squared), 0.0)
+    found = figure(
+        np.sqrt(square) / rms, "A",
+        f"{limit}, rms of the cycle {rounded(100.0 * rms)} % of its largest current",
+    )  # fmt: skip
+    apart = 100.0 * (found.median / exact.median - 1.0)
+    differs = (
+        f"it permits {abs(apart):.1f} % {'more' if apart > 0.0 else 'less'} than by simulation"
+    )
+    other = float(np.median(drawn.other))
+    watts = [other if phase.other_W is None else phase.other_W for phase in duty.phases]
+    mean = float(np.sum(share * np.array(watts)))
+    hot = limit.degC + float(rated.behind.model.coefficient)
+    copper = float(np.median(np.asarray(drawn.copper_slope) * square)) * hot
+    why = []
+    if np.sum(seconds) > SHORT_CYCLE * fast_s:
+        why.append(f"a cycle of {np.sum(seconds):.0f} s is not short against {fast_s:.0f} s")
+    if abs(mean - other) > SAME_HEAT * (copper + other):
+        why.append(f"other losses {mean:.0f} W on average, {other:.0f} W at the continuous current")
+    if why:
+        return refused("; ".join(["the rms of the cycle does not apply", *why, differs]))
+    return replace(found, condition=f"{known(found.condition)}, {differs}")
+
+
 class Phases(NamedTuple):
     """The phases of a duty as arrays, shape (phase,).
 

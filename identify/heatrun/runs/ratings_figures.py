@@ -34,10 +34,12 @@ from ..model.model import Model
 from ..posterior.posterior import Posterior
 from ..results.model import AT_REST, LOADED, DerivedFigure
 from .duties import (
+    PATTERN,
     Behind,
     Rated,
     alone,
     at_limit,
+    current_by_rms,
     duty_current,
     limits_of,
     parse_duty,
@@ -270,12 +272,16 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
         figures |= within_rise(drawn, seen, rise, at, heated)
     if not duties:
         return figures
+    fast_s = float(np.median(times[:, 0]))
     if behind is not base:  # the body of an effect may be faster
         times = time_constants(rates(behind.model, behind.values, seen.loaded, winding).A)
     machine = Rated(behind, drawn, times, seen, limit, surroundings)
     for text in duties:
         duty = parse_duty(text, float(np.median(times[:, -1])))
-        figures[f"{duty.name}_current_A"] = duty_current(machine, duty)
+        figures[f"{duty.name}_current_A"] = exact = duty_current(machine, duty)
+        if PATTERN.match(text) is None:
+            by_rms = current_by_rms(machine, duty, exact, fast_s)
+            figures |= {} if by_rms is None else {f"{duty.name}_rms_current_A": by_rms}
     return figures
 
 
