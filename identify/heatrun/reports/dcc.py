@@ -295,7 +295,7 @@ def _parameter(parent: Element, name: str, entry: FittedParameter) -> None:
     """Add a parameter with the digits of the sheet."""
     held = add(parent, "quantity")
     add_text(held, "name", f"{name}: {entry.meaning}")
-    words = "; ".join(text for text in (judged(entry), entry.why or "", _types(entry)) if text)
+    words = "; ".join(text for text in (judged(entry), _types(entry), entry.why or "") if text)
     if words:
         add_text(held, "description", words)
     if printed(entry).form == "given":
