@@ -157,10 +157,11 @@ def lines(found: RatingMap) -> list[str]:
     said = ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip()
             for row in cells]  # fmt: skip
     whys = dict.fromkeys(
-        f"refused: {why}" for row in found.rows if (why := known(row.current.refused))
+        f"* {row.speed_rpm:.0f} rpm: {words}"
+        for row in found.rows
+        if (words := f"refused, {why}" if (why := known(row.current.refused)) else _beyond(row))
     )
-    beyond = dict.fromkeys(f"* {words}" for row in found.rows if (words := _beyond(row)))
-    return [f"  {line}" for line in (*said, *beyond, *whys)]
+    return [f"  {line}" for line in (*said, *whys)]
 
 
 def _beyond(row: Permitted) -> str:
@@ -170,7 +171,7 @@ def _beyond(row: Permitted) -> str:
 
 def _cell(row: Permitted) -> str:
     if known(row.current.refused):
-        return "refused"
+        return "refused*"
     low, high = row.current.ends
     star = "*" if _beyond(row) else ""
     median = rounded(row.current.median, 4)

@@ -4,7 +4,8 @@ A load is the copper loss, which follows current and temperature, and the other 
 balance tells at the speeds that were run under load. Between these they are interpolated linearly:
 a loss that grows with a power of the speed above 1 lies below that, so that the current errs to the
 safe side. Below the lowest they are held, for they do not grow towards standstill. Above the
-highest nothing tells them, and they must be given.
+highest nothing tells them, and they must be given. They are held at every current: below the one
+that was run at a speed that errs to the safe side, above it the current is extrapolated.
 """
 
 from __future__ import annotations
@@ -120,6 +121,7 @@ def rating_map(
     levels = list(_levels(run, seen))
     tested = np.asarray([rpm for rpm, _, _ in levels])
     watts = np.asarray([_median_other(behind, drive, degC) for _, drive, degC in levels])
+    amperes = [float(np.sqrt(drive.current_squared)) for _, drive, _ in levels]
     asked = speeds or dict.fromkeys(np.round(tested).tolist())
     _refuse_unknown(run, (*base.model.effects, *behind.likely), seen, tested, asked)
     rows: list[Permitted] = []
@@ -130,12 +132,15 @@ def rating_map(
         # they keep their uncertainty, and their median alone is moved
         moved = replace(at, losses=at.losses + (wanted - own))
         beyond = "" if _is_near(rpm, tested) else f"tested at {_span(tested)}"
+        run_A = seen.current_A if given is not None else float(np.interp(rpm, tested, amperes))
+        there = replace(seen, loaded=moved, current_A=run_A)
         rows += [
             Permitted(
                 speed_rpm=rpm, duty=duty, other_losses_W=wanted,
-                other_losses_from=_from(rpm, given, tested), current=extrapolated(entry, beyond),
+                other_losses_from=_from(rpm, given, tested),
+                current=extrapolated(entry, beyond),
             )
-            for duty, entry in _at_speed(base, behind, replace(seen, loaded=moved), limit)
+            for duty, entry in _at_speed(base, behind, there, limit)
         ]  # fmt: skip
     if all(known(row.current.refused) == NO_CURRENT for row in rows):
         raise InputError(f"no map of ratings: {NO_CURRENT}.", where=str(run.path))
