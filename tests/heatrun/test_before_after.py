@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from run_near_truth import TRUTH, run_near_truth
 import heatrun
 from heatrun import cli
 from heatrun.errors import InputError
-from heatrun.record.motor import Motor
+from heatrun.record.motor import Motor, ShutDown
 from heatrun.record.record import Record
 from heatrun.runs.before_after import _Side
 from lptn.effects import EFFECTS
@@ -100,6 +101,13 @@ def test_figures_after_are_those_at_the_load_before(before, loose):
         square = room / ((Req_w * TRUTH["Req_w"] + TRUTH["Req_sr"]) * per_square)
         assert value == pytest.approx(np.sqrt(square), rel=4e-3)
     assert allowed.grew > 0.999
+    by_rise = changes["continuous_current_by_rise_A"]
+    per_square = 3.0 * TRUTH["Rs0"] * (B + SINK + 105.0) / (B + TREF)
+    for value, Req_w in ((by_rise.before.value, 1.0), (by_rise.after.value, 1.0 - FALL)):
+        room = 105.0 - TRUTH["Req_sr"] * other
+        square = room / ((Req_w * TRUTH["Req_w"] + TRUTH["Req_sr"]) * per_square)
+        assert value == pytest.approx(np.sqrt(square), rel=4e-3)
+    assert "class F, permitted rise 105 K" in by_rise.condition
     assert changes["tau_fast_s"].relative.value == pytest.approx(-FALL, abs=0.02)
 
 
@@ -165,10 +173,24 @@ def test_a_run_alone_has_the_figures_of_its_calibration(finished_day):
                 assert entry.interval_95 == pytest.approx(stated.interval_95, rel=1e-9)
 
 
+def test_the_load_is_the_rated_one_and_other_classes_are_not_compared(tmp_path):
+    runs = []
+    for name, rated, letter, amperes in (("a", 77.0, "B", 110.0), ("b", 80.0, None, 112.0)):
+        motor = replace(MOTOR, rated_current_A=rated, shutdown=ShutDown(utilisation_class=letter))
+        runs.append(run_near_truth(tmp_path / name, motor, heated(amperes), seed=int(rated)))
+    found, changes = compared(*runs)
+    assert changes["steady_rise_K"].condition.startswith("rated current 77 A, other losses")
+    assert "80 A after: the steady rise is that at 77 A" in " ".join(found.notes)
+    assert found.not_compared["continuous_current_by_rise_A"] == "class B before, class F after"
+    assert "continuous_current_A" in changes
+
+
 def test_the_command_takes_two_run_folders(before, loose, capsys):
     assert cli.main(["compare", str(before), str(loose), "--change", "10"]) == 0
     said = capsys.readouterr().out
     assert said.startswith("Req_w fell by 18.0 %")
+    assert "Continuous current (S1) at class F, permitted rise 105 K: " in said
+    assert "Steady rise at 110 A rms: " in said
     assert "changed > 10 %" in said
     assert "Holds at" in said
     assert cli.main(["compare", str(before), str(loose), "--json"]) == 0

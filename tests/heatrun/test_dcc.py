@@ -201,6 +201,8 @@ def test_the_results_are_those_of_the_sheet(result):
     assert [each.text for each in stated] == ["15", "2", "0.95"]
     assert reals["Req_sr"].findtext(f"{SI}unit") == "\\kelvin\\per\\watt"
     assert reals["Req_sr"].findtext(f"{SI}value") == "0.1155"
+    of_types = "standard uncertainty 7.5 J/K: type A 6.9 J/K, type B (stated instruments) 2.9 J/K"
+    assert any(of_types in (text or "") for text in texts(tree_of(result), "content"))
 
 
 def test_a_parameter_of_any_effect_can_stand_in_it(result):

@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+import pandas as pd
 import pytest
 from msgspec import UNSET
+from run_near_truth import run_near_truth, seal
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from heatrun import cli
 from heatrun.errors import InputError, UsageError
+from heatrun.export import export_ratings
 from heatrun.io.texts import Texts
 from heatrun.model.draws import PlausibleEffect, PlausibleEffects
 from heatrun.model.model import Model
 from heatrun.model.problem import Problem
 from heatrun.record.blocks import Blocks
 from heatrun.record.motor import Motor, ParameterOverride, ShutDown
+from heatrun.record.record import Record
 from heatrun.reports.content import _derived
 from heatrun.runs.duties import current_at_limit, parse_duty
 from heatrun.runs.machine import machines
@@ -539,6 +544,9 @@ def test_a_heat_capacity_alone_gives_the_closed_form():
     found = current_at_limit(duty, highest, 155.0, 300.0, 3)
     np.testing.assert_allclose(found, np.sqrt(135.0 * 600.0 / (0.02 * 600.0)), rtol=1e-3)
     assert np.all(np.isinf(current_at_limit(duty, highest, 1e6, 300.0, 3)))
+    # far above the limit the simulation overflows: that is no current to permit
+    overflows = lambda current, duty: np.where(current > 100.0, np.nan, highest(current, duty))  # noqa: E731
+    np.testing.assert_array_equal(current_at_limit(duty, overflows, 155.0, 300.0, 3), found)
 
 
 def test_names_are_read():
@@ -577,6 +585,118 @@ def test_a_phase_may_have_a_speed_and_losses_of_its_own(draws, tmp_path):
     found = derive(posterior("second", motor(), same), ("S6-40", f"{tmp_path}/own.csv"))
     assert found["own_current_A"].value == pytest.approx(found["S6-40_current_A"].value, rel=0.02)
     assert "other losses as the file has them" in found["own_current_A"].condition
+
+
+def test_the_rms_of_a_cycle_is_that_of_the_exact_solution_where_it_applies(draws, tmp_path):
+    """A short cycle of half load with the other losses held: the winding sees the mean square."""
+    cold = {name: np.full(NUM, value) for name, value in TRUE.items()}
+    for name, seconds in (("short", 4.0), ("long", 400.0)):
+        rows = ["seconds,current_A", f"{seconds},100", f"{seconds},50"]
+        (tmp_path / f"{name}.csv").write_text("\n".join(rows))
+    (tmp_path / "rests.csv").write_text("seconds,current_A\n4,100\n4,0")
+    names = ("short", "long", "rests")
+    asked = [str(tmp_path / f"{name}.csv") for name in names]
+    found = derive(posterior("second", motor(), cold), asked)
+    continuous = found["continuous_current_A"].value
+    rms = np.sqrt(0.5 * (1.0 + 0.5**2))
+    entry, exact = found["short_rms_current_A"], found["short_current_A"]
+    assert entry.value == pytest.approx(continuous / rms)
+    # five slow time constants leave 0.7 % of the rise, 0.6 % of the current; the ripple is below
+    assert entry.value == pytest.approx(exact.value, rel=0.01)
+    apart = 100.0 * (entry.value / exact.value - 1.0)
+    word = "more" if apart > 0.0 else "less"
+    assert f"it permits {abs(apart):.1f} % {word} than by simulation" in entry.condition
+    assert "a cycle of 800 s is not short against" in found["long_rms_current_A"].refused
+    # and on the unsafe side
+    assert "more than by simulation" in found["long_rms_current_A"].refused
+    rests = found["rests_rms_current_A"].refused
+    assert "on average" in rests
+    assert "less than by simulation" in rests
+    say = Texts("de")
+    for name in names:
+        _derived(found[f"{name}_rms_current_A"], say)
+    assert not say.unknown
+
+
+TWO = ((2000.0, 620.0), (4000.0, 900.0))
+"""Speeds [rpm], each with all losses [W]."""
+
+
+@pytest.fixture(scope="module")
+def two_speeds(tmp_path_factory):
+    """A run on half an hour at each of two speeds, with its course; its machine is known."""
+    time_s = np.arange(0.0, 3600.0, 4.0)
+    later = time_s >= 1800.0
+    rpm, watts = (np.where(later, *pair[::-1]) for pair in zip(*TWO, strict=True))
+    channels = {"time_s": time_s, "phase_current_A": np.full(900, CURRENT), "losses_W": watts,
+                "ambient_degC": np.full(900, SINK), "winding_degC": 60.0 + 0.015 * time_s,
+                "speed_rpm": rpm}  # fmt: skip
+    machine = motor(rated_current_A=100.0)
+    folder = tmp_path_factory.mktemp("speeds") / "run"
+    run_near_truth(folder, machine, Record("duty", channels), others=TRUE)
+    course = pd.DataFrame(channels).rename(columns={"winding_degC": "measured_degC"})
+    course[::5].to_csv(folder / "course_1.csv", index=False)
+    seal(folder)
+    return folder
+
+
+def continuous_at(rpm, other=None):
+    """The current at the permitted rise by hand, with the other losses of the tests or given."""
+    k = 3.0 * CURRENT**2 * RS0 / (B + TREF)
+    means = 60.0 + 0.015 * np.array([890.0, 2690.0])
+    split = [watts - k * (B + T) for (_, watts), T in zip(TWO, means, strict=True)]
+    other = np.interp(rpm, [n for n, _ in TWO], split) if other is None else other
+    both = TRUE["Req_w"] + TRUE["Req_sr"]
+    return np.sqrt((105.0 - TRUE["Req_sr"] * other) / (both * k / CURRENT**2 * (B + SINK + 105.0)))
+
+
+def test_the_map_has_the_losses_of_each_speed(two_speeds, tmp_path):
+    rows = ["speed_rpm,other_losses_W", "2000,", "3000,", "4000,", "6000,500", "7000,2000"]
+    (tmp_path / "speeds.csv").write_text("\n".join(rows))
+    said = export_ratings(two_speeds, speeds=str(tmp_path / "speeds.csv"), folder=tmp_path / "map")
+    table = pd.read_csv(tmp_path / "map" / "ratings.csv", comment="#")
+    by = {(row.speed_rpm, row.duty): row for row in table.itertuples()}
+    # 4e-3: medians of 500 draws of 0.5 %
+    for rpm, other in ((2000, None), (3000, None), (4000, None), (6000, 500.0)):
+        assert by[rpm, "S1"].current_A == pytest.approx(continuous_at(rpm, other), rel=4e-3)
+        currents = [by[rpm, duty].current_A for duty in ("S1", "S2-60", "S2-30", "S2-10")]
+        assert currents == sorted(currents)
+    assert by[3000, "S1"].other_losses_from == "interpolated between tests"
+    assert by[6000, "S1"].condition.endswith("extrapolated, tested at 2000 … 4000 rpm")
+    assert "extrapolated" not in by[4000, "S1"].condition
+    assert by[4000, "S2-10"].current_A > 1.2 * CURRENT
+    assert by[4000, "S2-10"].condition.endswith("extrapolated, tested up to 110 A")
+    assert "other losses alone lead to 126 °C" in by[7000, "S1"].refused
+    assert said["ratings"]["limit"] == "class F, permitted rise 105 K"
+    assert json.loads((tmp_path / "map" / "ratings.json").read_text())["tested_rpm"] == [2000, 4000]
+
+
+@pytest.mark.parametrize(
+    ("speeds", "code", "said"),
+    [
+        ("4000,6000", 1, "how large the other losses are at 6000 rpm: under load they ran at 2000"),
+        ("500", 1, "no test tells how the machine cools at 500 rpm"),
+        ("fast", 2, "expected speeds such as"),
+        ("-100", 2, "expected speeds such as"),
+        ("{path}/none.csv", 1, "the speeds cannot be read"),
+        ("{path}/wrong.csv", 1, "got the columns speed_rpm, losses and 1 rows"),
+    ],
+)
+def test_speeds_that_nothing_tells_are_refused(two_speeds, tmp_path, capsys, speeds, code, said):
+    (tmp_path / "wrong.csv").write_text("speed_rpm,losses\n100,3\n")
+    words = ["export", str(two_speeds), "--to", "ratings", f"--speeds={speeds}"]
+    assert cli.main([word.format(path=tmp_path) for word in words]) == code
+    assert said in capsys.readouterr().err
+    assert not (two_speeds / "ratings").exists()
+
+
+def test_another_map_is_not_replaced_without_being_asked(two_speeds, tmp_path, capsys):
+    words = ["export", str(two_speeds), "--to", "ratings", "--out", str(tmp_path), "--speeds"]
+    assert cli.main([*words, "2000"]) == 0
+    assert "S2-30 [A]" in capsys.readouterr().out
+    assert cli.main([*words, "4000"]) == 1
+    assert cli.main([*words, "4000", "--force"]) == 0
+    assert cli.main([*words, "4000", "--to", "drive"]) == 2
 
 
 def test_a_wrong_rating_is_wrong_use(tmp_path, capsys):

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
 import pytest
+from dcc_structure import DCC, SI, violations
 from scipy.linalg import expm
 
 import heatrun
@@ -271,6 +273,50 @@ def test_the_command_writes_what_it_says(tmp_path, capsys):
     assert cli.main([*command, "--model", "second"]) == 2
     assert cli.main([*command, "--seed", "1"]) == 1
     assert "exists and holds another result" in capsys.readouterr().err
+
+
+LABORATORY = """number = "7"
+laboratory = "Bench 3"
+laboratory_address = "Turin"
+customer = "C"
+customer_address = "Rome"
+serial_number = "1"
+operator = "A"
+performed_at = "laboratory"
+country = "IT"
+"""
+
+
+def test_the_certificate_holds_the_budget(tmp_path, capsys):
+    (tmp_path / "motor.toml").write_text(MOTOR, encoding="utf-8")
+    path = write(tmp_path, TIME_S, ohm(winding(TIME_S)))
+    out, meta = tmp_path / "out", tmp_path / "meta.toml"
+    command = ["shutdown", str(tmp_path / "motor.toml"), str(path), "--out", str(out), "--json"]
+    command += ["--dcc", "--meta", str(meta)]
+    meta.write_text(LABORATORY, encoding="utf-8")
+    assert cli.main(command) == 1
+    assert "test_from" in capsys.readouterr().err
+    assert not out.exists()
+    meta.write_text(f"{LABORATORY}test_from = 2026-03-04", encoding="utf-8")
+    assert cli.main(command) == 0
+    said = json.loads(capsys.readouterr().out)
+    root = ElementTree.parse(out / "dcc.xml").getroot()
+    assert violations(root) == []
+    answer, budget = root.iter(f"{DCC}result")
+    reals = [float(each.findtext(f"{SI}value") or "") for each in budget.iter(f"{SI}real")]
+    parts = [row["contribution_K"] for row in said["budget"]]
+    assert reals == pytest.approx([*parts, said["gum_uncertainty_K"]], rel=5e-3, abs=1e-12)
+    words = [each.text or "" for each in budget.iter(f"{DCC}content")]
+    cold = words[words.index("cold resistance") + 1]
+    row = next(row for row in said["budget"] if row["source"] == "cold resistance")
+    assert f"sensitivity {row['sensitivity']:.4g} K per 1" in cold
+    first = next(answer.iter(f"{SI}real"))
+    assert float(first.findtext(f"{SI}value") or "") == pytest.approx(said["winding_degC"], abs=0.1)
+    write(tmp_path, TIME_S + 600.0, ohm(winding(TIME_S + 600.0)))
+    assert cli.main([*command, "--force"]) == 1
+    assert "not determinable" in capsys.readouterr().err
+    assert cli.main([*command[:3], "--dcc"]) == 2
+    assert cli.main([*command[:3], "--meta", str(meta)]) == 2
 
 
 ROOM = 20.0

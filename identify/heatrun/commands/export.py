@@ -17,6 +17,7 @@ OF_RUN = {
     "modelica": "its intervals go with it",
     "drive": "simpler bodies follow its tests",
     "mujoco": "simpler bodies follow its tests",
+    "ratings": "its tests tell the losses",
 }
 """What takes a run folder alone, and why."""
 
@@ -53,13 +54,20 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "with parameter sets at the ends of the intervals. modelica: parts of the standard library "
         "and equations. drive: time constants, resistances and I2t for the "
         "motor protection of a drive, as a sheet and TOML. mujoco: a <dcmotor> with its thermal "
-        "model",
+        "model. ratings: permitted currents against speed, continuous and for 60, 30 and 10 "
+        "minutes, as CSV, JSON and figure",
     )
     parser.add_argument(
         "--step",
         type=float,
         metavar="SECONDS",
         help="step of the C and of the vectors, longest of the FMU (default: 1 s)",
+    )
+    parser.add_argument(
+        "--speeds",
+        metavar="RPM,RPM|FILE.csv",
+        help="speeds of the ratings (default: those tested under load); a file has speed_rpm and, "
+        "where no test tells them, other_losses_W",
     )
     parser.add_argument(
         "--motor-constant",
@@ -128,6 +136,8 @@ def _refuse_mixed(options: argparse.Namespace) -> None:
         )
     if options.to != "mujoco" and options.motor_constant is not None:
         raise UsageError("--motor-constant is for --to mujoco; nothing else simulates a torque")
+    if options.to != "ratings" and options.speeds is not None:
+        raise UsageError("--speeds is for --to ratings; the other exports take speeds as they come")
     if options.to not in OF_RUN:
         return
     if options.tests:
@@ -141,7 +151,7 @@ def _refuse_mixed(options: argparse.Namespace) -> None:
 
 
 def _of_run(options: argparse.Namespace) -> dict[str, Any]:
-    from ..export import export_drive, export_mat, export_mujoco, export_source
+    from ..export import export_drive, export_mat, export_mujoco, export_ratings, export_source
 
     if not options.source.is_dir() and options.source.exists():
         raise UsageError("a file of parameters holds no test: name a bench file after it")
@@ -152,6 +162,8 @@ def _of_run(options: argparse.Namespace) -> dict[str, Any]:
         return export_drive(options.source, **where)
     if options.to == "mujoco":
         return export_mujoco(options.source, motor_constant=options.motor_constant, **where)
+    if options.to == "ratings":
+        return export_ratings(options.source, speeds=options.speeds, **where)
     if options.to in OF_TEST:
         return export_source(
             options.source,
@@ -200,6 +212,8 @@ def _of_tests(options: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def _text(written: dict[str, Any]) -> str:
+    if "ratings" in written:
+        return _text_of_ratings(written)
     if "step_s" in written:
         return _text_of_network(written)
     if "variables" not in written:
@@ -244,6 +258,15 @@ def _text_of_network(written: dict[str, Any]) -> str:
     return "\n".join([
         f"{first}: nodes {nodes}; steps of {written['step_s']:g} s",
         verify,
+        *(printable(path) for path in written["files"]),
+    ])  # fmt: skip
+
+
+def _text_of_ratings(written: dict[str, Any]) -> str:
+    ratings = written["ratings"]
+    return "\n".join([
+        f"Permitted currents at {printable(ratings['limit'])}, rms, with 95 % intervals:",
+        *map(printable, written["table"]),
         *(printable(path) for path in written["files"]),
     ])  # fmt: skip
 

@@ -18,19 +18,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     parser.add_argument("run", type=Path, metavar="RUN", help="run folder")
     words.add_meta(parser)
     words.add_language(parser)
-    parser.add_argument(
-        "--dcc",
-        action="store_true",
-        help="write dcc.xml too, a Digital Calibration Certificate (DCC 3.3.0)",
-    )
-    parser.add_argument(
-        "--dcc-schema",
-        type=Path,
-        default=None,
-        metavar="DCC.xsd",
-        help="validate it against your copy of the schema, with SI_Format.xsd and "
-        "xmldsig-core-schema.xsd in the same folder (needs heatrun[dcc])",
-    )
+    words.add_dcc(parser)
     words.add_out(parser, "folder for the sheet (default: the run itself)")
     words.add_force(
         parser, "replace the sheet of another run in --out, and what this one was told by --meta"

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError
 from . import words
 from .console import DONE, NOT_ALLOWED, printable, say
+
+if TYPE_CHECKING:
+    from ..shutdown.result import ShutdownResult
 
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
@@ -43,6 +46,8 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         help="uncertainty of the extrapolation, 95 %%, beyond which it is not determinable "
         "(default: 5)",
     )
+    words.add_meta(parser)
+    words.add_dcc(parser)
     words.add_seed(parser)
     words.add_out(parser, "folder for the results: JSON, PDF, XLSX, figure, curve (default: none)")
     words.add_force(parser)
@@ -63,6 +68,11 @@ def run(options: argparse.Namespace) -> int:
         raise UsageError("--model names a network of a run: give --run too")
     if options.within is not None and not options.within > 0.0:
         raise UsageError(f"--within is a number of kelvin above 0, got {options.within:g}")
+    has_dcc = options.dcc or options.dcc_schema is not None
+    if has_dcc and options.out is None:
+        raise UsageError("--dcc writes dcc.xml into a folder: give --out too")
+    if options.meta is not None and not has_dcc:
+        raise UsageError("--meta is what the certificate says: give --dcc too")
     result = winding_at_switch_off(
         options.motor,
         options.readings,
@@ -73,10 +83,29 @@ def run(options: argparse.Namespace) -> int:
         seed=options.seed,
     )
     if options.out is not None:
-        for path in write_results(result, options.out, is_replacing=options.force):
+        document = _certificate(result, options) if has_dcc else None
+        for path in write_results(
+            result, options.out, certificate=document, is_replacing=options.force
+        ):
             say(str(path))
     if options.json:
         print(to_json(as_content(result)))
     else:
         print(printable(text(result, verbose=options.verbose)))
     return DONE if result.is_determinable else NOT_ALLOWED
+
+
+def _certificate(result: ShutdownResult, options: argparse.Namespace) -> bytes:
+    """Return the certificate, valid under the schema where one is given."""
+    from ..motor.certificate import load_meta
+    from ..motor.file import load_motor
+    from ..reports.dcc_schema import validate
+    from ..shutdown.dcc import dcc_text
+
+    stated = load_motor(options.motor).certificate
+    if options.meta is not None:
+        stated = stated.beneath(load_meta(options.meta))
+    document = dcc_text(result, stated)
+    if options.dcc_schema is not None:
+        validate(document, options.dcc_schema)
+    return document

@@ -147,6 +147,23 @@ def add_meta(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_dcc(parser: argparse.ArgumentParser) -> None:
+    """Add the Digital Calibration Certificate and the schema that it is held against."""
+    parser.add_argument(
+        "--dcc",
+        action="store_true",
+        help="write dcc.xml too, a Digital Calibration Certificate (DCC 3.3.0)",
+    )
+    parser.add_argument(
+        "--dcc-schema",
+        type=Path,
+        default=None,
+        metavar="DCC.xsd",
+        help="validate it against your copy of the schema, with SI_Format.xsd and "
+        "xmldsig-core-schema.xsd in the same folder (needs heatrun[dcc])",
+    )
+
+
 def add_language(
     parser: argparse.ArgumentParser, text: str = "of the sheet", default: str = ""
 ) -> None:

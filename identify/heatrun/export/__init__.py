@@ -9,6 +9,7 @@ from .mat import export_mat, export_test
 from .mujoco import export_mujoco
 from .network_course import NetworkCourse, simulate_network
 from .network_file import network_variables
+from .ratings import export_ratings
 from .rerun import RunAndTest, read_new_test, read_run_test
 from .sources import export_source
 from .variables import Corrections, thesis_variables
@@ -21,6 +22,7 @@ __all__ = [
     "export_drive",
     "export_mat",
     "export_mujoco",
+    "export_ratings",
     "export_source",
     "export_test",
     "mat_bytes",

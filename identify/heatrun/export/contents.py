@@ -39,6 +39,9 @@ SOURCES = (b"/* heatrun export:", b"# heatrun export:", b"<!-- heatrun export:",
 """How the sources and vectors of an export begin."""
 
 
+MARK, MARKED = b"heatrun export: ", 128
+"""What stands in the first bytes of files that begin with words of their format: JSON, PNG."""
+
 ZIP_FIRST = "documentation/heatrun.txt"
 ZIP_WORDS = b"heatrun export: see modelDescription.xml\n"
 
@@ -221,7 +224,8 @@ def _refuse_loss(path: Path, content: bytes, inputs: tuple[Path, ...]) -> None:
     except OSError:
         return  # it is not there, or writing fails with its own words
     is_input = any(path.resolve() == source.resolve() for source in inputs)
-    is_ours = existing.startswith((EXPORT, *SOURCES, ZIP_BEGIN)) or existing == content
+    begins = existing.startswith((EXPORT, *SOURCES, ZIP_BEGIN))
+    is_ours = begins or MARK in existing[:MARKED] or existing == content
     if is_input or not is_ours:
         what = "one of the run's records" if is_input else "not as heatrun writes it"
         raise InputError(

@@ -15,13 +15,23 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement, register_namespace
 
 from ..errors import InputError
-from ..io.quantities import clean, rounded
+from ..io.quantities import clean, quantity, rounded
 from ..record.motor import Certificate
 from ..results import FitResult
 from ..results.model import DescribedTest, FittedParameter
+from ..results.values import Interval
 from ..runs.verdict import favoured, headline
+from ..version import __version__
 from .certificate import ENGLISH, judged
-from .printed import COVERAGE_FACTOR, TestDays, format_value, interval_ends, printed, test_days
+from .printed import (
+    COVERAGE_FACTOR,
+    TestDays,
+    format_value,
+    interval_ends,
+    printed,
+    test_days,
+    uncertain,
+)
 
 DCC, SI = "https://ptb.de/dcc", "https://ptb.de/si"
 XSI = "http://www.w3.org/2001/XMLSchema-instance"
@@ -123,6 +133,27 @@ def add_real(
     return real
 
 
+def add_uncertain(
+    parent: Element, value: float, sd: float, interval: Interval, unit: str, *, label: str = ""
+) -> Element:
+    """Add a quantity as it is printed: with its expanded uncertainty, or skewed with its interval.
+
+    Args:
+        parent: What it belongs to.
+        value: The value.
+        sd: Its standard uncertainty.
+        interval: Its 95 % interval.
+        unit: As heatrun writes it.
+        label: Its name, or empty.
+    """
+    if uncertain(value, sd, interval, unit).form == "expanded":
+        text, expanded = format_value(value, COVERAGE_FACTOR * sd)
+        return add_real(parent, text, unit, label=label, expanded=expanded)
+    text, standard = format_value(value, sd)
+    ends = interval_ends(interval, sd)
+    return add_real(parent, text, unit, label=label, interval=(standard, *ends))
+
+
 def _add(parent: Element, space: str, name: str, text: str | None = None) -> Element:
     element = SubElement(parent, f"{{{space}}}{name}")
     if text is not None:
@@ -153,15 +184,7 @@ def add_results(root: Element, about: Element, result: FitResult, certificate: C
     measured = add(add(root, "measurementResults"), "measurementResult")
     network = result.models[favoured(result)]
     add_text(measured, "name", f"Thermal network, {network.title}")
-    method = add(add(measured, "usedMethods"), "usedMethod")
-    add_text(method, "name", METHOD)
-    add_text(method, "description", HOW)
-    add(method, "reference", "JCGM 100:2008")
-    software = add(add(measured, "usedSoftware"), "software")
-    add_text(software, "name", "heatrun")
-    add(software, "release", result.heatrun_version)
-    if certificate.instruments:
-        _instruments(add(measured, "measuringEquipments"), certificate)
+    add_method(measured, METHOD, HOW, ("JCGM 100:2008",), result.heatrun_version, certificate)
     fitted = [test for test in result.tests if test.role == "calibration"]
     conditions = list(_conditions(result, fitted))
     if conditions:
@@ -176,10 +199,45 @@ def add_results(root: Element, about: Element, result: FitResult, certificate: C
     _tests(add(measured, "measurementMetaData"), result)
 
 
+def add_method(
+    measured: Element,
+    name: str,
+    how: str,
+    references: Iterable[str],
+    version: str,
+    certificate: Certificate,
+) -> None:
+    """Add method, software and instruments to a result.
+
+    Args:
+        measured: The result.
+        name: Of the method.
+        how: It in words.
+        references: What it rests on.
+        version: Of heatrun, when the result was made.
+        certificate: What the laboratory states.
+    """
+    method = add(add(measured, "usedMethods"), "usedMethod")
+    add_text(method, "name", name)
+    add_text(method, "description", how)
+    for each in references:
+        add(method, "reference", each)
+    software = add(add(measured, "usedSoftware"), "software")
+    add_text(software, "name", "heatrun")
+    add(software, "release", version)
+    if certificate.instruments:
+        _instruments(add(measured, "measuringEquipments"), certificate)
+
+
 def _statements(parent: Element, result: FitResult, certificate: Certificate) -> None:
     said = headline(result)
+    add_statements(parent, " ".join((said.sentence, *map(clean, said.reasons))), certificate)
+
+
+def add_statements(parent: Element, use: str, certificate: Certificate) -> None:
+    """Add how far a result can be used, and what the laboratory states beside it."""
     rows = [
-        ("Use of the result", " ".join((said.sentence, *map(clean, said.reasons)))),
+        ("Use of the result", use),
         ("Scope", ENGLISH("scope")),
         ("Remarks", certificate.remarks),
         ("Test bench", certificate.bench),
@@ -235,21 +293,27 @@ def _condition(parent: Element, name: str, unit: str, low: float, high: float) -
 
 def _parameter(parent: Element, name: str, entry: FittedParameter) -> None:
     """Add a parameter with the digits of the sheet."""
-    quantity = add(parent, "quantity")
-    add_text(quantity, "name", f"{name}: {entry.meaning}")
-    words = "; ".join(text for text in (judged(entry), entry.why or "") if text)
+    held = add(parent, "quantity")
+    add_text(held, "name", f"{name}: {entry.meaning}")
+    words = "; ".join(text for text in (judged(entry), _types(entry), entry.why or "") if text)
     if words:
-        add_text(quantity, "description", words)
-    form = printed(entry).form
-    if form == "given":
-        add_real(quantity, rounded(entry.value, 5), entry.unit, label=name)
-    elif form == "expanded":
-        value, expanded = format_value(entry.value, COVERAGE_FACTOR * entry.sd)
-        add_real(quantity, value, entry.unit, label=name, expanded=expanded)
+        add_text(held, "description", words)
+    if printed(entry).form == "given":
+        add_real(held, rounded(entry.value, 5), entry.unit, label=name)
     else:
-        value, standard = format_value(entry.value, entry.sd)
-        interval = (standard, *interval_ends(entry.interval_95, entry.sd))
-        add_real(quantity, value, entry.unit, label=name, interval=interval)
+        add_uncertain(held, entry.value, entry.sd, entry.interval_95, entry.unit, label=name)
+
+
+def _types(entry: FittedParameter) -> str:
+    """Return the two parts of the standard uncertainty in words; nothing where they are unknown."""
+    if entry.sd_type_a is None or entry.sd_type_b is None or printed(entry).form == "given":
+        return ""
+    whole, a, b = (format_value(each, entry.sd)[0]
+                   for each in (entry.sd, entry.sd_type_a, entry.sd_type_b))  # fmt: skip
+    return (
+        f"standard uncertainty {quantity(whole, entry.unit)}: type A {quantity(a, entry.unit)}, "
+        f"type B (stated instruments) {quantity(b, entry.unit)}"
+    )
 
 
 def _tests(parent: Element, result: FitResult) -> None:
@@ -292,14 +356,33 @@ def dcc_text(result: FitResult, certificate: Certificate) -> bytes:
         InputError: If it does not state what such a certificate must say.
     """
     days = test_days(result, certificate)
+    root, about = begun(certificate, days, result.motor.name, result.heatrun_version)
+    add_results(root, about, result, certificate)
+    return as_bytes(root)
+
+
+def begun(
+    certificate: Certificate, days: TestDays, machine: str, version: str = __version__
+) -> tuple[Element, Element]:
+    """Return a certificate with its administrative data, and these.
+
+    Args:
+        certificate: What the laboratory states.
+        days: Of the tests.
+        machine: Name of the machine.
+        version: Of heatrun, when the result was made.
+
+    Raises:
+        InputError: As `dcc_text`.
+    """
     _require(certificate, days)
     root = Element(f"{{{DCC}}}digitalCalibrationCertificate")
     root.set("schemaVersion", VERSION)
     root.set(f"{{{XSI}}}schemaLocation", f"{DCC} {DCC}/v{VERSION}/dcc.xsd")
     about = add(root, "administrativeData")
-    _software(add(about, "dccSoftware"), result)
+    _software(add(about, "dccSoftware"), version)
     _core(add(about, "coreData"), certificate, days)
-    _item(add(about, "items"), result, certificate)
+    _item(add(about, "items"), machine, certificate)
     laboratory = add(add(about, "calibrationLaboratory"), "contact")
     add_text(laboratory, "name", certificate.laboratory)
     _location(laboratory, certificate.laboratory_address, certificate.country)
@@ -307,7 +390,11 @@ def dcc_text(result: FitResult, certificate: Certificate) -> bytes:
     customer = add(about, "customer")
     add_text(customer, "name", certificate.customer)
     _location(customer, certificate.customer_address, "")
-    add_results(root, about, result, certificate)
+    return root, about
+
+
+def as_bytes(root: Element) -> bytes:
+    """Return a certificate as the bytes of its file."""
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n"
 
@@ -332,10 +419,10 @@ def _require(certificate: Certificate, days: TestDays) -> None:
         )
 
 
-def _software(parent: Element, result: FitResult) -> None:
+def _software(parent: Element, version: str) -> None:
     software = add(parent, "software")
     add_text(software, "name", "heatrun")
-    add(software, "release", result.heatrun_version)
+    add(software, "release", version)
     add(software, "type", "application")
 
 
@@ -353,9 +440,9 @@ def _core(parent: Element, certificate: Certificate, days: TestDays) -> None:
         add(parent, "issueDate", certificate.issue_date)
 
 
-def _item(parent: Element, result: FitResult, certificate: Certificate) -> None:
+def _item(parent: Element, machine: str, certificate: Certificate) -> None:
     item = add(parent, "item")
-    add_text(item, "name", clean(result.motor.name))
+    add_text(item, "name", clean(machine))
     if certificate.condition:
         add_text(item, "description", certificate.condition)
     if certificate.manufacturer:

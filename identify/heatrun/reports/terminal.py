@@ -27,13 +27,20 @@ from .certificate import ENGLISH, at_end, certificate_content, parameter_lines
 from .printed import format_interval, format_value, interval_ends
 
 if TYPE_CHECKING:  # JAX comes with it
-    from ..runs.before_after import BeforeAfter
+    from ..runs.before_after import BeforeAfter, Change
 
 CURRENT, UNASKED = "_current_A", "continuous_current_A"
 """End of the names of ratings, and the one that nobody needs to ask for by `--rating`."""
 
 BY_RISE = ("rise_margin_K", "continuous_current_by_rise_A")
 """What the permitted rise leaves and allows."""
+
+RATED_BY = {
+    "continuous_current_by_rise_A": "Continuous current (S1)",
+    "continuous_current_A": "Continuous current (S1)",
+    "steady_rise_K": "Steady rise",
+}
+"""What a bench decides on when it compares two runs, in words."""
 
 MOST_SPANS = 6
 """Of what is missing; more of them are in the report."""
@@ -241,21 +248,16 @@ def _rating(name: str, figure: DerivedFigure) -> str:
 
 
 def changes_text(found: BeforeAfter) -> str:
-    """Return what changed between two runs: the one sentence, the table, what is not compared."""
-    lines = [found.sentence, *found.notes, ""]
+    """Return what changed between two runs: the one sentence, the ratings, the table, what is not
+    compared.
+    """
+    lines = [found.sentence, *_ratings(found), *found.notes, ""]
     head = ["", "before (95 %)", "after (95 %)", "after - before (95 %)", "relative (95 %)", "grew",
             f"changed > {rounded(100.0 * found.size)} %"]  # fmt: skip
     rows = [head]
     for each in found.changes:
-        cells = []
-        for one in (each.before, each.after, each.difference):
-            low, high = one.interval_95
-            U = 0.5 * (high - low)
-            cells.append(f"{format_value(one.value, U)[0]} ({format_interval((low, high), U)})")
-        low, high = (f"{100.0 * end:+.1f}" for end in each.relative.interval_95)
-        cells.append(f"{100.0 * each.relative.value:+.1f} % ({low} … {high})")
         name = f"{each.name} [{printed_unit(each.unit)}]".replace(" []", "")
-        rows.append([name, *cells, percent(each.grew), percent(each.changed)])
+        rows.append([name, *_cells(each), percent(each.grew), percent(each.changed)])
     widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
     for row in rows:
         cells = zip(row, widths, strict=True)
@@ -268,6 +270,34 @@ def changes_text(found: BeforeAfter) -> str:
                 by_text.setdefault(text, []).append(name)
             lines += ["", title, *(f"  {', '.join(of)}: {text}" for text, of in by_text.items())]
     return "\n".join(printable(line) for line in lines)
+
+
+def _cells(change: Change) -> list[str]:
+    """Return before, after, the difference and the relative one with their intervals."""
+    cells = []
+    for one in (change.before, change.after, change.difference):
+        low, high = one.interval_95
+        U = 0.5 * (high - low)
+        cells.append(f"{format_value(one.value, U)[0]} ({format_interval((low, high), U)})")
+    low, high = (f"{100.0 * end:+.1f}" for end in change.relative.interval_95)
+    return [*cells, f"{100.0 * change.relative.value:+.1f} % ({low} … {high})"]
+
+
+def _ratings(found: BeforeAfter) -> list[str]:
+    """Return what the machine is rated by before and after, where both runs state it."""
+    lines, changes = [], {each.name: each for each in found.changes}
+    for name in (name for name in RATED_BY if name in changes):
+        change = changes[name]
+        before, after, _, relative = _cells(change)
+        grew = change.relative.value >= 0.0
+        chance = percent(change.grew if grew else 1.0 - change.grew)
+        verb, unit = "grew" if grew else "fell", printed_unit(change.unit)
+        at, _, losses = change.condition.partition(", other losses")
+        _, word, beyond = losses.partition("extrapolated, ")
+        lines.append(f"{RATED_BY[name]} at {at}: {before} {unit} before, {after} {unit} after, "
+                     f"{relative}; probability {chance} that it {verb}"
+                     f"{', ' if word else ''}{word}{beyond}.")  # fmt: skip
+    return lines
 
 
 def discovery_text(result: DiscoveryResult) -> str:

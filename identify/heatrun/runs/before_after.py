@@ -14,22 +14,18 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from lptn import time_constants
-from lptn.effects import AbstractEffect
 
 from ..errors import InputError
 from ..io.quantities import percent, rounded
-from ..model.model import Model
-from ..model.parameters import EXTRA_NODE, Parameter, effect_parameters, override
-from ..record.motor import LIMIT_DEGC
+from ..model.parameters import EXTRA_NODE
 from ..results.model import AT_REST, LOADED, DerivedFigure
 from ..results.values import Interval, Probability, known
-from .duties import Behind, Limit, at_limit, extended
-from .machine import RAD_PER_S, Machine, Tested, figure, machines, steady_rise
+from .duties import Behind, alone_in, at_limit, limits_of, with_effects_in, within_rise
+from .machine import RAD_PER_S, SAME_LOAD, Machine, Tested, figure, machines, steady_rise
 from .ratings_figures import names_of_times, rates, resistances
 from .run import Run
 from .verdict import favoured, headline
@@ -43,11 +39,10 @@ SIZE = 0.05
 NUM_PAIRS = 4000
 """Pairs of draws: a limit of the interval is good to a twentieth of its half width."""
 
-SAME_LOAD = 0.1
-"""Relative difference of speed or flow up to which a resistance that no effect lets follow it is
-one quantity [1]: with the power 0.8 of a turbulent flow it changes by 8 %."""
-
 UNDER_LOAD = "time constants, steady rise, continuous current"
+
+RATED_BY = ("continuous_current_A", "continuous_current_by_rise_A", "steady_rise_K")
+"""What a machine is rated by, whatever its network."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,27 +130,21 @@ class _Side:
     @cached_property
     def base(self) -> Behind:
         """The network alone; events are those of the first test."""
-        values = self.draws.of_test(self.draws.parameters.tests[0])
-        arrays = {name: jnp.asarray(draws) for name, draws in values.items()}
-        return Behind(self.model, self.model.in_general(arrays), ())
+        return alone_in(self.draws)
 
     def behind(self, seen: Tested) -> Behind:
         """Return the network with the effects behind its draws, under a load."""
+        return with_effects_in(self.draws, self.base, seen)
 
-        def known_of(_: Model, kinds: Sequence[type[AbstractEffect]]) -> Mapping[str, Parameter]:
-            # where an effect is absent its amplitude alone counts, which no machine's size moves
-            own = effect_parameters(kinds, 1.0, searched=kinds)
-            return {**self.draws.parameters.by_test[0], **override(own, self.draws.motor)}
-
-        return extended(self.draws.plausible, self.base, known_of, lambda k: bool(_lacks(k, seen)))
-
-    def machine(self, behind: Behind, seen: Tested, amperes: float, degC: float) -> Machine:
+    def machine(
+        self, behind: Behind, seen: Tested, amperes: float, degC: float, permitted: float
+    ) -> Machine:
         scale = (amperes / seen.amperes) ** 2 if seen.amperes else 1.0
-        at = np.asarray(seen.loaded_winding_degC), np.asarray(degC), np.asarray(scale)
+        at = map(np.asarray, (seen.loaded_winding_degC, degC, scale, permitted))
         return machines(behind.model, behind.values, seen.loaded, *at)
 
     def other_losses_W(self, seen: Tested) -> float:
-        drawn = self.machine(self.behind(seen), seen, seen.amperes, np.nan)
+        drawn = self.machine(self.behind(seen), seen, seen.amperes, np.nan, np.nan)
         return float(np.median(drawn.other))
 
     def stated(self, name: str) -> _Drawn:
@@ -183,7 +172,7 @@ class _Side:
         return "" if name in self.free else f"of each test apart {self.word}"
 
     def figures(self, seen: Tested, amperes: float, before: Tested) -> dict[str, _Drawn]:
-        """Return resistances, time constants, steady rise and continuous current under a load.
+        """Return resistances, time constants, steady rise and continuous currents under a load.
 
         Args:
             seen: The load, with the range of the run's own tests.
@@ -191,10 +180,10 @@ class _Side:
             before: The load whose winding temperature the time constants are told for.
         """
         behind, model = self.behind(seen), self.model
-        letter = self.run.motor.insulation_class
-        limit = None if letter is None else Limit(letter, LIMIT_DEGC[letter])
-        degC = np.nan if limit is None else limit.degC
-        drawn = self.machine(behind, seen, amperes, degC)
+        motor, sink = self.run.motor, seen.sink_degC
+        limit, by_rise = limits_of(motor, sink)
+        ends = (np.nan if each is None else each.degC for each in (limit, by_rise))
+        drawn = self.machine(behind, seen, amperes, *ends)
         winding = np.asarray(before.loaded_winding_degC)
         network = rates(model, self.base.values, seen.loaded, winding)
         times = time_constants(network.A)
@@ -202,7 +191,7 @@ class _Side:
             model.effects, follows_time=bool(np.any(network.follows_time)),
             second_sink=model.form.second_sink, likely=behind.likely,
         )  # fmt: skip
-        heated = f"other losses {np.median(drawn.other):.0f} W, sink {seen.sink_degC:.0f} °C"
+        heated = f"other losses {np.median(drawn.other):.0f} W, sink {sink:.0f} °C"
         found = {
             f"{name}{ending}": (draws, figure(draws, "K/W", words, self.draws.plausible))
             for name, at in (resistances(behind, seen) if model.effects else {}).items()
@@ -212,17 +201,20 @@ class _Side:
             name: (draws, figure(draws, "s", f"constant copper loss{around}"))
             for name, draws in zip(names_of_times(times.shape[-1]), times.T, strict=True)
         }
-        rise, square = np.asarray(drawn.rise), np.asarray(drawn.limit_squared)
-        at = f"{rounded(amperes)} A rms, {heated}{around}"
-        found["steady_rise_K"] = rise, steady_rise(rise, at, seen)
-        entry = at_limit(drawn, seen, limit, f"{heated}{around}")["continuous_current_A"]
-        found["continuous_current_A"] = np.sqrt(np.maximum(square, 0.0)), entry
+        rise, heated = np.asarray(drawn.rise), f"{heated}{around}"
+        at = f"{rounded(amperes)} A"
+        at = f"rated current {at}" if amperes == motor.rated_current_A else f"{at} rms"
+        found["steady_rise_K"] = rise, steady_rise(rise, f"{at}, {heated}", seen)
+        currents = {
+            "continuous_current_A": (drawn.limit_squared, at_limit(drawn, seen, limit, heated))
+        }
+        if by_rise is not None:
+            currents["continuous_current_by_rise_A"] = (
+                drawn.permitted_squared, within_rise(drawn, seen, by_rise, at, heated),
+            )  # fmt: skip
+        for name, (square, entries) in currents.items():
+            found[name] = np.sqrt(np.maximum(np.asarray(square), 0.0)), entries[name]
         return found
-
-
-def _lacks(kind: type[AbstractEffect], seen: Tested) -> list[str]:
-    """Return what an effect needs and a load does not tell."""
-    return [need for need in kind.card.needs if getattr(seen.loaded, need, 0.0) is None]
 
 
 def compare_runs(
@@ -328,8 +320,7 @@ def _under_one_load(
     first = before.figures(seen, amperes, seen)
     second = after.figures(replace(own, loaded=load), amperes, seen)
     if before.structure != after.structure:
-        is_one = lambda name: name in ("steady_rise_K", "continuous_current_A")  # noqa: E731
-        first, second = ({n: d for n, d in f.items() if is_one(n)} for f in (first, second))
+        first, second = ({n: f[n] for n in RATED_BY if n in f} for f in (first, second))
     for name in [n for n in (first | second) if n.endswith(LOADED)]:
         bare = name.removesuffix(LOADED)
         if why := before.refusal(bare) or after.refusal(bare):
@@ -339,9 +330,12 @@ def _under_one_load(
             found.setdefault(name, side.stated(bare))  # without effects it is the parameter
     if ("Rs0" in before.base.values) != ("Rs0" in after.base.values):
         left["steady_rise_K"] = "the copper loss enters one of the networks alone"
-    letters = [side.run.motor.insulation_class for side in (before, after)]
-    if letters[0] != letters[1]:
-        left["continuous_current_A"] = f"class {letters[0]} before, class {letters[1]} after"
+    motors = [side.run.motor for side in (before, after)]
+    letters = [motor.insulation_class for motor in motors]
+    used = [(motor.permitted_rise(seen.sink_degC) or (None,))[0] for motor in motors]
+    for name, pair in (("continuous_current_A", letters), ("continuous_current_by_rise_A", used)):
+        if pair[0] != pair[1]:
+            left[name] = f"class {pair[0]} before, class {pair[1]} after"
     names = sorted(first | second, key=lambda name: not name.endswith((LOADED, AT_REST)))
     alone = [name for name in names if name not in left and (name in first) != (name in second)]
     left |= dict.fromkeys(alone, "of one of the two networks alone")
@@ -353,7 +347,7 @@ def _other_load(before: _Side, after: _Side, seen: Tested, own: Tested) -> Itera
     if before.structure[3] != after.structure[3]:
         yield "the heat goes to another sink after"
     for kind in after.model.effects:
-        for need in _lacks(kind, seen):
+        for need in seen.lacks(kind):
             yield f"the tests before do not tell the {need}, which {kind.card.id} after needs"
     cooling = [kind for kind in after.model.effects if kind.card.family == "cooling"]
     at = {"speed": ("speed_rad", 1.0 / RAD_PER_S, "rpm"), "fan": ("fan", 100.0, "% of rated flow")}
@@ -382,7 +376,7 @@ def _change(
     return Change(
         name=name,
         unit=known(before.unit) or "",
-        condition=known(before.condition) or known(after.condition) or "",
+        condition=_condition(known(before.condition) or "", known(after.condition) or ""),
         before=Estimate(value=before.median, interval_95=before.ends),
         after=Estimate(value=after.median, interval_95=after.ends),
         difference=estimate(after.median - before.median, apart),
@@ -392,11 +386,22 @@ def _change(
     )
 
 
+def _condition(before: str, after: str) -> str:
+    """Return what both values hold under, and whether that after alone lies beyond its tests."""
+    beyond, own = (text.partition(", extrapolated, ")[2] for text in (after, before))
+    words = before or after
+    return f"{words}; after: extrapolated, {beyond}" if own != beyond and beyond else words
+
+
 def _notes(before: _Side, after: _Side) -> Iterator[str]:
     results = before.run.result, after.run.result
     names = [result.motor.name for result in results]
     if names[0] != names[1]:
         yield f"The machines have different names: {names[0]!r} before, {names[1]!r} after."
+    currents = [side.run.motor.rated_current_A for side in (before, after)]
+    if None not in currents and currents[0] != currents[1]:
+        one, other = (rounded(float(each or 0.0)) for each in currents)
+        yield f"Rated current {one} A before, {other} A after: the steady rise is that at {one} A."
     files = [{t.sha256 for t in r.tests if t.role == "calibration"} - {""} for r in results]
     if files[0] & files[1]:
         yield "Both runs were fitted to one file: intervals and probabilities do not hold."

@@ -32,11 +32,12 @@ from ..errors import InputError, UsageError
 from ..io.programs import compiled
 from ..io.quantities import rounded
 from ..model.catalogue import lacking
-from ..model.draws import PlausibleEffect, PlausibleEffects
+from ..model.draws import Draws, PlausibleEffect, PlausibleEffects
 from ..model.model import Model
 from ..model.model_parameters import parameters
-from ..model.parameters import Parameter, amplitudes, qualified
+from ..model.parameters import Parameter, amplitudes, effect_parameters, override, qualified
 from ..posterior.posterior import Posterior
+from ..record.motor import LIMIT_DEGC, Motor
 from ..results.model import DerivedFigure
 from ..results.values import known, number
 from .machine import (
@@ -80,6 +81,30 @@ def alone(posterior: Posterior) -> Behind:
         for name, draws in priors.values(structure.form, z.T, 0).items()
     }
     return Behind(structure.model, structure.model.in_general(values), ())
+
+
+def alone_in(draws: Draws) -> Behind:
+    """As `alone`, of the draws of a run."""
+    values = draws.of_test(draws.parameters.tests[0])
+    arrays = {name: jnp.asarray(each) for name, each in values.items()}
+    return Behind(draws.model, draws.model.in_general(arrays), ())
+
+
+def with_effects_in(draws: Draws, base: Behind, seen: Tested) -> Behind:
+    """As `with_effects`, of the draws of a run under a load.
+
+    Args:
+        draws: Draws.
+        base: The network alone.
+        seen: The load; an effect that needs what it does not tell is left out.
+    """
+
+    def known_of(_: Model, kinds: tuple[type[AbstractEffect], ...]) -> Mapping[str, Parameter]:
+        # where an effect is absent its amplitude alone counts, which no machine's size moves
+        own = effect_parameters(kinds, 1.0, searched=kinds)
+        return {**draws.parameters.by_test[0], **override(own, draws.motor)}
+
+    return extended(draws.plausible, base, known_of, lambda kind: bool(seen.lacks(kind)))
 
 
 def with_effects(posterior: Posterior, base: Behind) -> Behind:
@@ -315,7 +340,8 @@ def current_at_limit(
     beyond = highest(high, duty) < limit_degC
     for _ in range(NUM_HALVINGS):
         middle = 0.5 * (low + high)
-        is_hot = highest(middle, duty) >= limit_degC
+        # far above the limit a law may leave what numbers hold: no number is hot
+        is_hot = ~(highest(middle, duty) < limit_degC)
         low, high = np.where(is_hot, low, middle), np.where(is_hot, middle, high)
     return np.where(beyond, np.inf, 0.5 * (low + high))
 
@@ -382,6 +408,61 @@ def duty_current(rated: Rated, duty: Duty) -> DerivedFigure:
     if not math.isfinite(entry.median):
         return refused(f"{rounded(LARGEST * seen.current_A)} A does not reach {limit.degC:.0f} °C")
     return extrapolated(entry, seen.short_of(degC=limit.degC, amperes=entry.median))
+
+
+SHORT_CYCLE = 0.5
+"""Longest cycle over the fastest time constant [1] that counts as short: the winding then peaks by
+a sixteenth of its own rise above its mean at most, d (1 - d)/2 of the cycle for a share d under
+load."""
+
+SAME_HEAT = 0.05
+"""Difference of the mean other losses over all losses [1] up to which the current alone decides."""
+
+
+def current_by_rms(
+    rated: Rated, duty: Duty, exact: DerivedFigure, fast_s: float
+) -> DerivedFigure | None:
+    """Return the current of a duty by the rms of its cycle; None without an exact one.
+
+    The rms of the cycle is taken for the continuous current, as where a constant load is said to be
+    equivalent to a duty: the rating for equivalent loading of IEC 60034-1 (from memory, to be
+    compared with the edition in force). IEC 60034-29 is of tests of machines that cannot be loaded,
+    and gives no such rule of currents.
+
+    Args:
+        rated: The machine.
+        duty: The duty.
+        exact: Its current by simulation.
+        fast_s: Fastest time constant of the network [s].
+    """
+    if rated.limit is None or known(exact.refused) or not math.isfinite(exact.median):
+        return None
+    drawn, limit = rated.drawn, rated.limit
+    seconds = np.array([phase.seconds for phase in duty.phases])
+    share = seconds / np.sum(seconds)
+    rms = math.sqrt(np.sum(share * np.array([phase.current for phase in duty.phases]) ** 2))
+    square = np.maximum(np.asarray(drawn.limit_squared), 0.0)
+    found = figure(
+        np.sqrt(square) / rms, "A",
+        f"{limit}, rms of the cycle {rounded(100.0 * rms)} % of its largest current",
+    )  # fmt: skip
+    apart = 100.0 * (found.median / exact.median - 1.0)
+    differs = (
+        f"it permits {abs(apart):.1f} % {'more' if apart > 0.0 else 'less'} than by simulation"
+    )
+    other = float(np.median(drawn.other))
+    watts = [other if phase.other_W is None else phase.other_W for phase in duty.phases]
+    mean = float(np.sum(share * np.array(watts)))
+    hot = limit.degC + float(rated.behind.model.coefficient)
+    copper = float(np.median(np.asarray(drawn.copper_slope) * square)) * hot
+    why = []
+    if np.sum(seconds) > SHORT_CYCLE * fast_s:
+        why.append(f"a cycle of {np.sum(seconds):.0f} s is not short against {fast_s:.0f} s")
+    if abs(mean - other) > SAME_HEAT * (copper + other):
+        why.append(f"other losses {mean:.0f} W on average, {other:.0f} W at the continuous current")
+    if why:
+        return refused("; ".join(["the rms of the cycle does not apply", *why, differs]))
+    return replace(found, condition=f"{known(found.condition)}, {differs}")
 
 
 class Phases(NamedTuple):
@@ -487,6 +568,20 @@ class Limit:
         return f"class {self.insulation} ({self.degC:.0f} °C)"
 
 
+def limits_of(motor: Motor, sink_degC: float) -> tuple[Limit | None, Limit | None]:
+    """Return the temperature of the insulation class, and what the permitted rise leads to.
+
+    Args:
+        motor: The machine.
+        sink_degC: Temperature of the sink [degC].
+    """
+    letter, permitted = motor.insulation_class, motor.permitted_rise(sink_degC)
+    return (
+        None if letter is None else Limit(letter, LIMIT_DEGC[letter]),
+        None if permitted is None else Limit(permitted[0], sink_degC + permitted[1], permitted[1]),
+    )
+
+
 def at_limit(
     drawn: Machine, seen: Tested, limit: Limit | None, heated: str
 ) -> dict[str, DerivedFigure]:
@@ -502,7 +597,7 @@ def at_limit(
     if limit is None:
         return {key: refused(NO_CLASS) for key in ("continuous_current_A", *names.values())}
     text = f"{limit}, {heated}"
-    figures = {"continuous_current_A": _continuous(drawn, drawn.limit_squared, seen, limit, text)}
+    figures = {"continuous_current_A": continuous(drawn, drawn.limit_squared, seen, limit, text)}
     starts = {"cold": "from the sink's temperature",
               "hot": f"from {100 * WARM:.0f} % of the steady rise"}  # fmt: skip
     for name, draws in (("cold", drawn.cold_s), ("hot", drawn.warm_s)):
@@ -528,7 +623,7 @@ def within_rise(
         heated: Losses and surroundings that the figures hold under.
     """
     assert limit.rise_K is not None
-    current = _continuous(drawn, drawn.permitted_squared, seen, limit, f"{limit}, {heated}")
+    current = continuous(drawn, drawn.permitted_squared, seen, limit, f"{limit}, {heated}")
     found = {"continuous_current_by_rise_A": current}
     rise = np.asarray(drawn.rise)
     if math.isfinite(number(known(steady_rise(rise, "", seen).sd))):
@@ -538,10 +633,21 @@ def within_rise(
     return found
 
 
-def _continuous(
+def continuous(
     drawn: Machine, squared: Array, seen: Tested, limit: Limit, text: str
 ) -> DerivedFigure:
+    """Return a continuous current [A].
+
+    Args:
+        drawn: The machine of each draw.
+        squared: Its square of each draw [A^2].
+        seen: Range of the tests.
+        limit: The limit.
+        text: What it holds under.
+    """
     if not np.any(np.asarray(drawn.copper_slope)):
         return refused(NO_CURRENT)
+    if np.median(np.asarray(squared)) <= 0.0:
+        return refused(f"the other losses alone lead to {limit.degC:.0f} °C")
     entry = figure(np.sqrt(np.maximum(np.asarray(squared), 0.0)), "A", text)
     return extrapolated(entry, seen.short_of(degC=limit.degC, amperes=entry.median))

@@ -41,6 +41,10 @@ RAD_PER_S = np.pi / 30.0
 REACH_K = 15.0
 """A temperature may lie this far above the highest one measured [K] likewise."""
 
+SAME_LOAD = 0.1
+"""Relative difference of speed or flow up to which a resistance that no effect lets follow it is
+one quantity [1]: with the power 0.8 of a turbulent flow it changes by 8 %."""
+
 WIDEST = 2.0
 """Upper over lower end of the 95 % interval of a figure beyond the tested range, at most [1]."""
 
@@ -122,6 +126,10 @@ class Tested:
     def amperes(self) -> float:
         """Root of the mean squared current of the loaded part [A]."""
         return float(np.sqrt(self.loaded.current_squared))
+
+    def lacks(self, kind: type[AbstractEffect]) -> list[str]:
+        """Return what an effect needs and the tests do not tell."""
+        return [need for need in kind.card.needs if getattr(self.loaded, need, 0.0) is None]
 
     def short_of(self, *, degC: float = -np.inf, amperes: float = -np.inf) -> str:
         """Return how far the tests went where a figure lies beyond, else nothing.
@@ -430,7 +438,8 @@ def extrapolated(entry: DerivedFigure, short: str) -> DerivedFigure:
     low, high = entry.ends
     if not 0.0 < low <= high <= WIDEST * low:
         return refused(f"the tests do not tell, {short}")
-    return replace(entry, condition=f"{entry.condition}, extrapolated, {short}")
+    word = "" if ", extrapolated, " in str(entry.condition) else "extrapolated, "
+    return replace(entry, condition=f"{entry.condition}, {word}{short}")
 
 
 def steady_rise(draws: np.ndarray, condition: str, seen: Tested) -> DerivedFigure:

@@ -32,15 +32,16 @@ from ..io.programs import compiled
 from ..io.quantities import rounded
 from ..model.model import Model
 from ..posterior.posterior import Posterior
-from ..record.motor import LIMIT_DEGC
 from ..results.model import AT_REST, LOADED, DerivedFigure
 from .duties import (
+    PATTERN,
     Behind,
-    Limit,
     Rated,
     alone,
     at_limit,
+    current_by_rms,
     duty_current,
+    limits_of,
     parse_duty,
     with_effects,
     within_rise,
@@ -239,8 +240,7 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
     """
     problem = posterior.fit.problem
     seen = tested([test.winding for test in problem.tests])
-    insulation = problem.motor.insulation_class
-    limit = None if insulation is None else Limit(insulation, LIMIT_DEGC[insulation])
+    limit, rise = limits_of(problem.motor, seen.sink_degC)
     base = alone(posterior)
     behind = with_effects(posterior, base)
     winding = np.asarray(seen.loaded_winding_degC)
@@ -248,10 +248,6 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
     network = rates(base.model, base.values, seen.loaded, winding)
     rated = problem.motor.rated_current_A if seen.amperes > 0.0 else None
     scale = 1.0 if rated is None else (rated / seen.amperes) ** 2
-    permitted = problem.motor.permitted_rise(seen.sink_degC)
-    rise = None if permitted is None else Limit(
-        permitted[0], seen.sink_degC + permitted[1], permitted[1]
-    )  # fmt: skip
     top = np.asarray(np.nan if rise is None else rise.degC)
     at_load = seen.loaded, winding, degC, np.asarray(scale), top
     drawn = machines(behind.model, behind.values, *at_load)
@@ -276,12 +272,16 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
         figures |= within_rise(drawn, seen, rise, at, heated)
     if not duties:
         return figures
+    fast_s = float(np.median(times[:, 0]))
     if behind is not base:  # the body of an effect may be faster
         times = time_constants(rates(behind.model, behind.values, seen.loaded, winding).A)
     machine = Rated(behind, drawn, times, seen, limit, surroundings)
     for text in duties:
         duty = parse_duty(text, float(np.median(times[:, -1])))
-        figures[f"{duty.name}_current_A"] = duty_current(machine, duty)
+        figures[f"{duty.name}_current_A"] = exact = duty_current(machine, duty)
+        if PATTERN.match(text) is None:
+            by_rms = current_by_rms(machine, duty, exact, fast_s)
+            figures |= {} if by_rms is None else {f"{duty.name}_rms_current_A": by_rms}
     return figures
 
 

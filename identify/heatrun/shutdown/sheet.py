@@ -74,13 +74,18 @@ def xlsx(result: ShutdownResult) -> bytes:
 
 
 def write_results(
-    result: ShutdownResult, folder: Path, *, is_replacing: bool = False
+    result: ShutdownResult,
+    folder: Path,
+    *,
+    certificate: bytes | None = None,
+    is_replacing: bool = False,
 ) -> list[Path]:
     """Write `shutdown.json`, sheet and workbook, `readings.csv` and the figure.
 
     Args:
         result: The result.
         folder: Where to; it is made.
+        certificate: Its Digital Calibration Certificate; None for none.
         is_replacing: Whether another result that stands there is replaced.
 
     Raises:
@@ -94,6 +99,8 @@ def write_results(
         "shutdown.pdf": pdf(result, drawn),
         "shutdown.xlsx": xlsx(result),
     }
+    if certificate is not None:
+        contents["dcc.xml"] = certificate
     if not is_replacing and is_other(folder / "shutdown.json", contents["shutdown.json"]):
         refuse_replacing(folder / "shutdown.json", "another result")
     with writable("the result", folder):
