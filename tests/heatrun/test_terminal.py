@@ -82,7 +82,8 @@ def test_what_decides_a_verdict_is_never_hidden_and_comes_next(stored):
     blocked = replace(entry, identifiability="not identifiable", why="not informed by the data.")
     cooling = Finding("no_heating", "warning", "It falls.", "step", "Add a test under load.")
     lines = said(misfit, cooling, parameters={"Ceq_w": blocked})
-    assert lines[0].startswith("NOT USABLE: ")
+    assert lines[0] == "NOT USABLE: Second order. The tests give time constants only: " \
+                       "91.8 s and 1820 s."  # fmt: skip
     assert "Next: Add a test under load." in lines
     sampling = Finding("sampling", "warning", "Slow.", "step", "Export faster.")
     lines = said(sampling, parameters={"Ceq_w": replace(blocked, why="")})
@@ -99,6 +100,17 @@ def test_the_next_step_is_about_the_instrument_that_the_verdict_names(stored):
     said = result_text(replace(stored, findings=tuple(far)))
     assert "ambient_offset stands 19.2 standard deviations" in said.splitlines()[0]
     assert "Next: Check ambient_offset." in said
+
+
+def test_after_plain_the_next_step_is_the_command_without_it(stored):
+    left = Finding("effects_left_out", "warning", "They ask for a fan.", "", "Leave --plain out.")
+    command = "heatrun calibrate 'my motor.toml' step.csv --plain --out runs/bare --quick"
+    said = result_text(replace(stored, findings=(left,), command=command)).splitlines()
+    assert "Next: heatrun calibrate 'my motor.toml' step.csv --quick" in said
+    assert "The network lacks effects that the tests ask for" in said[1]
+    assert not any("discover" in line for line in said)
+    from_python = result_text(replace(stored, findings=(left,), command=""))
+    assert "Next: Leave --plain out." in from_python
 
 
 def test_a_warning_of_the_other_network_alone_is_left_to_the_rest(stored):

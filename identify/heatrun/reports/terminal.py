@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,7 @@ from ..results.model import DerivedFigure, DescribedTest, FittedModel
 from ..results.values import known
 from ..runs.verdict import (
     BEFORE_PARAMETERS,
+    LEFT_OUT,
     concerns,
     deciding,
     favoured,
@@ -121,12 +123,24 @@ def next_step(result: FitResult, run: str) -> str:
         if poor and any(remedies):
             return next(filter(None, remedies))
     if decisive:
-        return decisive[0].remedy
+        is_plain = LEFT_OUT in {finding.id for finding in decisive}
+        return (is_plain and _without_plain(result.command)) or decisive[0].remedy
     if headline(result).use != "usable":
         return "add a test with several steps of load and a cool-down"
     if all(test.role != "holdout" for test in result.tests):
         return "see how well it predicts a test that was not fitted: --holdout TEST"
     return f"heatrun simulate {result.motor.path or 'MOTOR.toml'} {run} TEST predicts other loads"
+
+
+def _without_plain(command: str) -> str:
+    """Return the command of a run without --plain and its folder; empty if it has none."""
+    words = shlex.split(command)
+    if "--plain" not in words:
+        return ""
+    words.remove("--plain")
+    place = words.index("--out") if "--out" in words else len(words)
+    del words[place : place + 2]
+    return shlex.join(word for word in words if not word.startswith("--out="))
 
 
 def _parameters(result: FitResult, model: FittedModel) -> list[str]:
