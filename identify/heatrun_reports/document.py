@@ -15,7 +15,7 @@ from heatrun.io.texts import Texts
 from heatrun.io.whole_files import without_folders
 from heatrun.reports.figures import again, save
 from heatrun.reports.pdf import typeset
-from heatrun.reports.printed import fixed, under_meaning
+from heatrun.reports.printed import fixed, told
 
 from .card import CARDS
 from .report import Cell, Line, Report, Row, Table
@@ -80,7 +80,7 @@ def document_content(
         "rows": [_row(row) for row in report.rows],
         "tables": [_table(table) for table in report.tables],
         "captions": [drawing.caption for drawing in report.drawings],
-        "findings": [[f.severity, under_meaning(f.id, f.sentence(), say)] for f in report.findings],
+        "findings": [[f.severity, told(f, say)[0]] for f in report.findings],
         "definitions": [[name, text] for name, text in report.definitions],
     }
     return _printed(_again(texts, say), [source.path for source in report.sources])
