@@ -30,6 +30,7 @@ from heatrun.reports.figures import again
 from heatrun.reports.pdf import write_pdf
 from heatrun.reports.printed import told
 from heatrun.results import FitResult, from_json
+from heatrun.results.model import MaybeMissing
 from heatrun.runs.verdict import USES
 from heatrun_reports import job, make_report
 from heatrun_reports.document import document_content
@@ -171,6 +172,7 @@ def test_what_a_run_states_in_english_is_in_the_table(module):
 
 SAYS_FINDINGS = (
     "posterior/fit_checks.py", "posterior/test_to_test.py", "checks/excitation.py",
+    "effects/found.py", "fit/fit.py",
 )  # fmt: skip
 """Where all sentences of findings are in the table."""
 
@@ -233,6 +235,7 @@ def test_meanings_and_names_of_the_networks_and_effects_are_in_the_table():
     stated += [kind.meaning for kind in FINDINGS.values()]
     stated += [p.meaning for form in forms for p in form.parameters]
     stated += [q.meaning for kind in EFFECTS for q in kind.card.parameters.values()]
+    stated += [kind.card.separating_test for kind in EFFECTS]
     for language in LANGUAGES[1:]:
         say = Texts(language)
         for text in stated:
@@ -262,6 +265,9 @@ def variants(result):
     yield with_model(parameters=weak)
     yield with_model(parameters={**model.parameters, "Ceq_w": lost["Ceq_w"]})
     yield with_model(parameters=lost)
+    missed = [MaybeMissing(id=id, test=test, probability=0.3, with_effect={}, without={})
+              for id, test in (("radiation", None), ("cooling_step", name))]  # fmt: skip
+    yield with_model(maybe_missing=tuple(missed))
     yield with_model(posterior=replace(model.posterior, is_sound=False))
     yield with_model(residuals=tuple(replace(row, rmse_K=15.0) for row in model.residuals))
     yield with_model(residuals=tuple(replace(row, coverage_95=0.5) for row in model.residuals))
