@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from heatrun.io.quantities import plain, with_breaks
-from heatrun.io.texts import Texts
+from heatrun.io.texts import SENTENCES, Texts
 from heatrun.io.whole_files import without_folders
 from heatrun.reports.figures import again, save
 from heatrun.reports.pdf import typeset
@@ -62,7 +62,8 @@ def document_content(
 ) -> dict[str, Any]:
     """Return the texts of the PDF, each cell as it is printed; as `write_pdf`."""
     say = say or Texts()
-    dated = f"{content['date']} ({content['date_from']})" if content.get("date") else "not known"
+    basis = say.again(content.get("date_from") or "")
+    dated = f"{content['date']} ({basis})" if content.get("date") else say.again("not known")
     texts = {
         "version": f"heatrun {version('heatrun')}",
         "title": report.title,
@@ -97,7 +98,8 @@ def _again(texts: Mapping[str, Any], say: Texts) -> dict[str, Any]:
 
     return {
         **texts,
-        **{key: say.again(texts[key]) for key in ("title", "heading", "summary")},
+        **{key: say.again(texts[key]) for key in ("title", "heading")},
+        "summary": " ".join(map(say.again, SENTENCES.split(texts["summary"]))),
         "meta": rows("meta", 1),
         "rows": rows("rows", 2),
         "definitions": rows("definitions"),
