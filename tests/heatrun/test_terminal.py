@@ -57,6 +57,18 @@ def test_a_result_is_told_in_a_dozen_lines_and_the_rest_on_demand(stored):
     assert all(finding.id in whole for finding in stored.findings)
 
 
+def test_each_effect_has_one_line(stored):
+    second = stored.models["second"]
+    one = replace(second.parameters["Req_w"], unit="1", value=1.4, sd=0.06,
+                  interval_95=(1.28, 1.52), meaning="the gain")  # fmt: skip
+    of_effects = {"speed_cooling.g": one, "speed_cooling.m": one, "sensor_lag.tau": one}
+    model = replace(second, parameters={**second.parameters, **of_effects})
+    lines = result_text(replace(stored, models={"second": model})).splitlines()
+    assert "  speed_cooling: g 1.40 ± 0.12 (the gain), m 1.40 ± 0.12 (the gain)" in lines
+    assert "  sensor_lag: tau 1.40 ± 0.12 (the gain)" in lines
+    assert len(lines) == len(result_text(stored).splitlines()) + 2
+
+
 def test_what_decides_a_verdict_is_never_hidden_and_comes_next(stored):
     def said(*findings, **change):
         second = replace(stored.models["second"], **change)

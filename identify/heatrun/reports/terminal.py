@@ -146,32 +146,29 @@ def _without_plain(command: str) -> str:
 def _parameters(result: FitResult, model: FittedModel) -> list[str]:
     """Return the parameters as page 1 of the sheet has them, and the conditions of the tests.
 
-    Where effects change a resistance, that at stated conditions takes the place of its law.
+    Where effects change a resistance, that at stated conditions takes the place of its law. Each
+    effect has one line.
     """
     content = certificate_content(result, Certificate())
     lines = parameter_lines(model)
     stated = {id(line.entry) for line in lines if line.figure is not None}
-    rows = [
-        (
-            name,
-            text,
-            judged,
-            f" at {known(line.figure.condition)}"
-            if line.figure is not None
-            else f" ({meaning})"
-            if "." in name
-            else "",
-        )
-        for line, (name, meaning, text, judged) in zip(lines, content["parameters"], strict=True)
-        if judged != ENGLISH("of_motor_file")
-        and (line.figure is not None or id(line.entry) not in stated)
-    ]
+    rows, effects = [], {}
+    for line, (name, meaning, text, judged) in zip(lines, content["parameters"], strict=True):
+        is_law = line.figure is None and id(line.entry) in stated
+        if judged == ENGLISH("of_motor_file") or is_law:
+            continue
+        effect, dot, own = name.partition(".")
+        if dot:
+            effects.setdefault(effect, []).append(f"{own} {text} ({meaning})")
+        else:
+            condition = "" if line.figure is None else f" at {known(line.figure.condition)}"
+            rows.append((name, text, judged + condition))
     widths = [max([0, *(len(row[i]) for row in rows)]) for i in range(2)]
     return [
-        *(f"  {name:<{widths[0]}}  {text:<{widths[1]}}  {judged}{condition}".rstrip()
-          for name, text, judged, condition in rows),
+        *(f"  {name:<{widths[0]}}  {text:<{widths[1]}}  {judged}" for name, text, judged in rows),
+        *(f"  {effect}: {', '.join(told)}" for effect, told in effects.items()),
         f"  in the tests: {dict(content['statement'])['Conditions']}",
-    ]  # fmt: skip
+    ]
 
 
 def _errors(model: FittedModel, role: str) -> str:
