@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from heatrun.io.quantities import plain, with_breaks
-from heatrun.io.texts import Texts
+from heatrun.io.texts import SENTENCES, Texts
 from heatrun.io.whole_files import without_folders
 from heatrun.reports.figures import again, save
 from heatrun.reports.pdf import typeset
-from heatrun.reports.printed import fixed, under_meaning
+from heatrun.reports.printed import fixed, told
 
 from .card import CARDS
 from .report import Cell, Line, Report, Row, Table
@@ -62,7 +62,8 @@ def document_content(
 ) -> dict[str, Any]:
     """Return the texts of the PDF, each cell as it is printed; as `write_pdf`."""
     say = say or Texts()
-    dated = f"{content['date']} ({content['date_from']})" if content.get("date") else "not known"
+    basis = say.again(content.get("date_from") or "")
+    dated = f"{content['date']} ({basis})" if content.get("date") else say.again("not known")
     texts = {
         "version": f"heatrun {version('heatrun')}",
         "title": report.title,
@@ -80,7 +81,7 @@ def document_content(
         "rows": [_row(row) for row in report.rows],
         "tables": [_table(table) for table in report.tables],
         "captions": [drawing.caption for drawing in report.drawings],
-        "findings": [[f.severity, under_meaning(f.id, f.sentence(), say)] for f in report.findings],
+        "findings": [[f.severity, told(f, say)[0]] for f in report.findings],
         "definitions": [[name, text] for name, text in report.definitions],
     }
     return _printed(_again(texts, say), [source.path for source in report.sources])
@@ -97,7 +98,8 @@ def _again(texts: Mapping[str, Any], say: Texts) -> dict[str, Any]:
 
     return {
         **texts,
-        **{key: say.again(texts[key]) for key in ("title", "heading", "summary")},
+        **{key: say.again(texts[key]) for key in ("title", "heading")},
+        "summary": " ".join(map(say.again, SENTENCES.split(texts["summary"]))),
         "meta": rows("meta", 1),
         "rows": rows("rows", 2),
         "definitions": rows("definitions"),

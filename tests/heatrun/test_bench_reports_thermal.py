@@ -465,6 +465,27 @@ def test_a_gradient_has_the_digits_of_its_standard_error(printed):
     assert len(gradient.partition(".")[2]) == len(error.partition(".")[2])
 
 
+def test_a_cool_down_is_not_what_a_test_settles_at():
+    """An hour of warming by 80 K, an hour of cooling: what is told is of the load."""
+    tau_s = 2000.0
+    time_s = np.arange(0.0, 7200.0, 2.0)
+    heats = time_s < 3600.0
+    top = 80.0 * (1.0 - np.exp(-3600.0 / tau_s))
+    rise = np.where(heats, 80.0 * (1.0 - np.exp(-time_s / tau_s)),
+                    top * np.exp(-(time_s - 3600.0) / tau_s))  # fmt: skip
+    noise = 0.1 * np.random.default_rng(5).normal(size=time_s.size)
+    record = held("warmed and cooled", time_s, winding_degC=20.0 + rise + noise, ambient_degC=20.0,
+                  phase_current_A=100.0 * heats, losses_W=500.0 * heats)  # fmt: skip
+    found = describe_test(record, reduce(record, MOTOR), MOTOR, "calibration", 0.0).equilibrium
+    assert isinstance(found, WindingAtEnd)
+    assert found.to_s <= 3600.0
+    assert found.gradient_K_per_h > 0.0
+    assert found.continued_K == pytest.approx(80.0, abs=5.0)
+    cooling = Record("cooled", {name: values[~heats] for name, values in record.channels.items()})
+    said = describe_test(cooling, reduce(cooling, MOTOR), MOTOR, "calibration", 0.0)
+    assert said.equilibrium is UNSET
+
+
 @pytest.mark.parametrize(
     ("hours", "is_reached", "key"), [(1.0, False, "before"), (4.0, True, "reached")]
 )

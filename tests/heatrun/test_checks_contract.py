@@ -30,6 +30,28 @@ def checked(name):
     return named(check_record(record, motor), id)
 
 
+def test_a_winding_that_is_clipped_is_told_once():
+    """Readings in steps of 2 °C that flicker about the end of the range; what stands below it, once
+    the highest are left out, is its doing.
+    """
+    time_s = np.arange(0.0, 3600.0, 2.0)
+    loaded = (time_s > 60.0) & (time_s < 3000.0)
+    winding = stator = 20.0
+    course = []
+    for heats in loaded:
+        course.append(winding)
+        to_stator = (winding - stator) / 0.15
+        stator += 2.0 * (20.0 * heats + to_stator - (stator - 20.0) / 0.2) / 1500.0
+        winding += 2.0 * (250.0 * heats - to_stator) / 250.0
+    noise = 0.3 * np.random.default_rng(1).normal(size=time_s.size)
+    readings = 2.0 * np.round(0.5 * (np.minimum(course, 85.3) + noise))
+    channels = {"time_s": time_s, "winding_degC": readings, "ambient_degC": np.full(1800, 20.0),
+                "phase_current_A": 40.8 * loaded, "losses_W": 270.0 * loaded}  # fmt: skip
+    found = check_record(Record("clipped", channels), Motor("m", phase_resistance_ohm=0.05))
+    (top,) = [one for one in found if one.id in ("saturation", "sensor_stuck")]
+    assert top.values["extreme"] == 86.0
+
+
 @pytest.mark.parametrize(
     "record",
     [

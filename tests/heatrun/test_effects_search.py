@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from hidden_machines import machine
 
-from heatrun.effects.engine import Engine
+from heatrun.effects import engine as engine_module
+from heatrun.effects.engine import Engine, white
 from heatrun.effects.found import asked_findings, find, with_catalogue
 from heatrun.effects.linear import Linear, evidence
 from heatrun.effects.search import Search, neighbours
@@ -96,6 +97,24 @@ def test_absent_effects_leave_the_network_as_it_was(search):
     z[list(slots)] = -30.0
     near, absent = (engine.linearise(each, [])[0] for each in (z, none.z))
     np.testing.assert_allclose(near, absent, atol=1e-6)
+
+
+def test_no_fit_follows_a_slope_that_has_no_square(search, monkeypatch):
+    engine, none = search.engine, search.fitted[frozenset()]
+    real = engine_module._course
+
+    def stiff(*given):
+        means, slope = real(*given)
+        return means, np.where(np.arange(len(slope))[:, None] > 9, 1e200 * np.sign(slope), slope)
+
+    columns = list(search.base)
+    followed = engine.linearise(none.z, columns)[1]
+    monkeypatch.setattr(engine_module, "_course", stiff)
+    slopes = engine.linearise(none.z, columns)[1]
+    np.testing.assert_array_equal(slopes[:10], followed[:10])
+    assert not slopes[10:].any()
+    with np.errstate(over="raise", invalid="raise"):
+        assert np.isfinite(engine.refit(none.z, columns, white(0.5)).log_det)
 
 
 def test_many_places_side_by_side_are_as_each_alone(search):

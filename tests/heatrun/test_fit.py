@@ -11,11 +11,13 @@ from heatrun.errors import InputError
 from heatrun.fit import fit as fit_module
 from heatrun.fit.fit import fit
 from heatrun.fit.restricted import whiten_fit
+from heatrun.io.texts import Texts
 from heatrun.model.model import Model
 from heatrun.model.model_parameters import parameters
 from heatrun.model.problem import Problem, log_posterior, residuals
 from heatrun.record.motor import Motor, ParameterOverride
 from heatrun.record.reduction import reduce
+from heatrun.reports.printed import told
 
 
 def test_known_parameters_come_back_within_their_uncertainty(fitted, truth):
@@ -28,6 +30,12 @@ def test_known_parameters_come_back_within_their_uncertainty(fitted, truth):
         assert abs(z) < 3.5, (name, values[name], z)
     assert fitted.stats["num_at_best"] >= 12
     assert not fitted.findings
+
+
+def test_a_fit_that_did_not_converge_says_what_to_do(fitted):
+    found = fit_module.not_converged(fitted.problem)
+    assert found.remedy == "Give a prior or fix a parameter in the motor file, or add a test."
+    assert told(found, Texts("de"))[1]
 
 
 def test_instruments_enter_as_type_b(fitted):

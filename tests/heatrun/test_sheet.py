@@ -13,17 +13,21 @@ import numpy as np
 import openpyxl
 import pandas as pd
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from msgspec import UNSET
 from pypdf import PdfReader
 
 from heatrun import calibration, cli
 from heatrun.calibration import Settings, load_tests
 from heatrun.errors import InputError
+from heatrun.io.texts import LANGUAGES, Texts
 from heatrun.motor.file import load_motor
 from heatrun.posterior.posterior import normal_draws
 from heatrun.record.record import ColumnReading
 from heatrun.reports import printed as digits
+from heatrun.reports.figures import certificate_figure
 from heatrun.reports.of_run import rewrite_sheet, write_sheet
+from heatrun.reports.pdf import FLATTEST
 from heatrun.reports.worksheet import WorksheetConstants, fill_worksheet
 from heatrun.results import to_json
 from heatrun.runs.run import certificate_of, open_run
@@ -350,3 +354,20 @@ def test_a_folder_in_the_place_of_a_file_is_said_before_anything_moves(run, few_
     with pytest.raises(InputError, match="Is a directory"):
         rewrite_sheet(run, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["sheet.xlsx"]
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_labels_of_a_flat_figure_stay_beside_their_panels(language):
+    time_s = np.arange(0.0, 3600.0, 60.0)
+    course = 20.0 + time_s / 60.0
+    table = pd.DataFrame({
+        "time_s": time_s, "measured_degC": course + 1.0, "sink_degC": 20.0 + 0.0 * time_s,
+        "second_winding_degC": course, "second_total_95_low_degC": course - 2.0,
+        "second_total_95_high_degC": course + 2.0, "second_residual_K": 1.0 + 0.0 * time_s,
+    })  # fmt: skip
+    limits = [("class F", 155.0), ("rise", 125.0)]
+    drawn = certificate_figure("duty", table, ("second", "x"), limits, Texts(language), FLATTEST)
+    FigureCanvasAgg(drawn).draw()
+    upper, lower = (axis.yaxis.label.get_window_extent() for axis in drawn.axes)
+    assert not upper.overlaps(lower)
+    assert min(upper.x0, lower.x0) >= 0.0

@@ -225,6 +225,17 @@ def test_what_the_motor_file_names_is_claimed_and_other_tests_are_checked(at_han
     assert "heatrun check motor.toml log.csv good.csv" in content["next"]
 
 
+def test_a_channel_whose_column_is_refused_is_not_missing_besides(at_hand, capsys):
+    rows = "\n".join(f"{i},{row},{1.0 + 1e-3 * i}" for i, row in enumerate(ROWS))
+    (at_hand / "coil.csv").write_text(f"t [s],{HEAD},R coil [Ohm]\n{rows}")
+    (at_hand / "motor.toml").write_text(MOTOR + '[columns]\nwinding_degC = "R coil [Ohm] [degC]"\n')
+    code, out = said(capsys, "coil.csv")
+    assert code == 1
+    assert out.count("ERROR") == 1
+    assert 'winding_resistance_ohm = "R coil [Ohm]"' in out
+    assert "No channel claims, in coil: " in out
+
+
 def test_a_wrong_line_of_columns_is_said_beside_the_columns_that_are_free(at_hand, capsys):
     without_times(at_hand / "log.csv")
     columns = '[columns]\nwinding_degC = "T_Mto"\ntime_s = "rate 1 Hz"\nlosses_W = "Pd [degC]"\n'

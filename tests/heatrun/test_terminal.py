@@ -57,6 +57,18 @@ def test_a_result_is_told_in_a_dozen_lines_and_the_rest_on_demand(stored):
     assert all(finding.id in whole for finding in stored.findings)
 
 
+def test_each_effect_has_one_line(stored):
+    second = stored.models["second"]
+    one = replace(second.parameters["Req_w"], unit="1", value=1.4, sd=0.06,
+                  interval_95=(1.28, 1.52), meaning="the gain")  # fmt: skip
+    of_effects = {"speed_cooling.g": one, "speed_cooling.m": one, "sensor_lag.tau": one}
+    model = replace(second, parameters={**second.parameters, **of_effects})
+    lines = result_text(replace(stored, models={"second": model})).splitlines()
+    assert "  speed_cooling: g 1.40 ± 0.12 (the gain), m 1.40 ± 0.12 (the gain)" in lines
+    assert "  sensor_lag: tau 1.40 ± 0.12 (the gain)" in lines
+    assert len(lines) == len(result_text(stored).splitlines()) + 2
+
+
 def test_what_decides_a_verdict_is_never_hidden_and_comes_next(stored):
     def said(*findings, **change):
         second = replace(stored.models["second"], **change)
@@ -82,7 +94,8 @@ def test_what_decides_a_verdict_is_never_hidden_and_comes_next(stored):
     blocked = replace(entry, identifiability="not identifiable", why="not informed by the data.")
     cooling = Finding("no_heating", "warning", "It falls.", "step", "Add a test under load.")
     lines = said(misfit, cooling, parameters={"Ceq_w": blocked})
-    assert lines[0].startswith("NOT USABLE: ")
+    assert lines[0] == "NOT USABLE: Second order. The tests give time constants only: " \
+                       "91.8 s and 1820 s."  # fmt: skip
     assert "Next: Add a test under load." in lines
     sampling = Finding("sampling", "warning", "Slow.", "step", "Export faster.")
     lines = said(sampling, parameters={"Ceq_w": replace(blocked, why="")})
@@ -99,6 +112,17 @@ def test_the_next_step_is_about_the_instrument_that_the_verdict_names(stored):
     said = result_text(replace(stored, findings=tuple(far)))
     assert "ambient_offset stands 19.2 standard deviations" in said.splitlines()[0]
     assert "Next: Check ambient_offset." in said
+
+
+def test_after_plain_the_next_step_is_the_command_without_it(stored):
+    left = Finding("effects_left_out", "warning", "They ask for a fan.", "", "Leave --plain out.")
+    command = "heatrun calibrate 'my motor.toml' step.csv --plain --out runs/bare --quick"
+    said = result_text(replace(stored, findings=(left,), command=command)).splitlines()
+    assert "Next: heatrun calibrate 'my motor.toml' step.csv --quick" in said
+    assert "The network lacks effects that the tests ask for" in said[1]
+    assert not any("discover" in line for line in said)
+    from_python = result_text(replace(stored, findings=(left,), command=""))
+    assert "Next: Leave --plain out." in from_python
 
 
 def test_a_warning_of_the_other_network_alone_is_left_to_the_rest(stored):

@@ -5,32 +5,39 @@ from __future__ import annotations
 import ast
 import json
 import re
+from collections import Counter
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from pypdf import PdfReader
 
 import heatrun
+from heatrun.checks import check_record
 from heatrun.checks.suitability import DOUBTS
-from heatrun.io.texts import FIELD, LANGUAGES, Texts, table
+from heatrun.io import texts
+from heatrun.io.texts import FIELD, LANGUAGES, SENTENCES, Texts, table
 from heatrun.model.network_text import SHIPPED, network_named
 from heatrun.motor.file import load_motor
 from heatrun.record.findings import FINDINGS
 from heatrun.record.motor import Certificate
-from heatrun.record.record import Finding
+from heatrun.record.record import Finding, Record
 from heatrun.reports.content import LABELS, sheet_content
 from heatrun.reports.figures import again
 from heatrun.reports.pdf import write_pdf
+from heatrun.reports.printed import told
 from heatrun.results import FitResult, from_json
+from heatrun.results.model import MaybeMissing
 from heatrun.runs.verdict import USES
 from heatrun_reports import job, make_report
 from heatrun_reports.document import document_content
 from heatrun_reports.figures.plot import SYMBOLS
 from lptn.effects import EFFECTS
 
+DATA = Path(__file__).parents[2] / "data" / "synthetic"
 ROOT = Path(heatrun.__file__).parents[1]
 ROOMS = (
     "heatrun/checks", "heatrun/commands", "heatrun/discovery", "heatrun/export", "heatrun/fit",
@@ -163,12 +170,72 @@ def test_what_a_run_states_in_english_is_in_the_table(module):
     assert not lacking
 
 
+SAYS_FINDINGS = (
+    "posterior/fit_checks.py", "posterior/test_to_test.py", "checks/excitation.py",
+    "effects/found.py", "fit/fit.py",
+)  # fmt: skip
+"""Where all sentences of findings are in the table."""
+
+
+@pytest.mark.parametrize("module", SAYS_FINDINGS)
+def test_sentences_of_findings_are_in_the_table(module):
+    english = [FIELD.sub("{}", row[0]) for row in table().values()]
+    pieces = {piece.strip(" .") for text in _words(HEATRUN / module)
+              for piece in SENTENCES.split(text)}  # fmt: skip
+    lacking = {text for text in pieces if not any(text in row for row in english)}
+    assert pieces
+    assert not lacking
+
+
+def test_keys_of_the_table_are_those_of_one_section():
+    keys = Counter(key for section in texts._sections().values() for key in section)
+    assert [key for key, times in keys.items() if times > 1] == []
+
+
+SAID_AGAIN = {
+    "sampling", "time_jitter", "time_gap", "no_heating", "start_not_in_equilibrium",
+    "ambient_moving", "single_step", "too_short", "resolution", "truncation",
+}  # fmt: skip
+"""Findings of records that are said again whole."""
+
+
+@pytest.mark.parametrize("language", LANGUAGES[1:])
+def test_findings_of_a_record_are_said_again(language):
+    say, seen = Texts(language), set()
+    for record in _odd_records():
+        for finding in check_record(record, load_motor(DATA / "motor.toml")):
+            if finding.id in SAID_AGAIN:
+                line, is_whole = told(finding, say)
+                assert is_whole, finding.message
+                assert not re.search(r"\d\.\d|\b(the|and|is)\b", line), line
+                seen.add(finding.id)
+    assert seen == SAID_AGAIN
+    assert not say.unknown
+
+
+def _odd_records():
+    """A staircase of one level that starts warm, coarse readings, and a cool-down."""
+    time_s = np.arange(0.0, 3600.0, 20.0)
+    time_s = np.delete(time_s, slice(60, 69)) + 4.0 * np.arange(171) % 12.0
+    warms = 80.0 * (1.0 - np.exp(-time_s / 4000.0))
+    one = np.ones(time_s.size)
+    load = {"phase_current_A": 100.0 * one, "losses_W": 500.0 * one, "speed_rpm": 3000.0 * one}
+    base = {"time_s": time_s, "ambient_degC": 20.0 + 3.0 * time_s / 3600.0}
+    yield Record("warms", {**base, **load, "winding_degC": np.floor(28.0 + warms)})
+    yield Record("level", {**base, **load, "ambient_degC": 20.25 * one,
+                           "winding_degC": np.floor(20.25 + warms)})  # fmt: skip
+    cools = 20.0 + 40.0 * np.exp(-time_s / 90.0) + 40.0 * np.exp(-time_s / 1500.0)
+    idle = {key: 0.0 * values for key, values in load.items()}
+    yield Record("cools", {**base, **idle, "winding_degC": cools})
+
+
 def test_meanings_and_names_of_the_networks_and_effects_are_in_the_table():
     forms = [network_named(name) for name in SHIPPED]
     stated = [*USES.values(), *DOUBTS.values(), *(form.title for form in forms)]
     stated += [kind.meaning for kind in FINDINGS.values()]
     stated += [p.meaning for form in forms for p in form.parameters]
     stated += [q.meaning for kind in EFFECTS for q in kind.card.parameters.values()]
+    stated += [kind.card.separating_test for kind in EFFECTS]
     for language in LANGUAGES[1:]:
         say = Texts(language)
         for text in stated:
@@ -198,6 +265,9 @@ def variants(result):
     yield with_model(parameters=weak)
     yield with_model(parameters={**model.parameters, "Ceq_w": lost["Ceq_w"]})
     yield with_model(parameters=lost)
+    missed = [MaybeMissing(id=id, test=test, probability=0.3, with_effect={}, without={})
+              for id, test in (("radiation", None), ("cooling_step", name))]  # fmt: skip
+    yield with_model(maybe_missing=tuple(missed))
     yield with_model(posterior=replace(model.posterior, is_sound=False))
     yield with_model(residuals=tuple(replace(row, rmse_K=15.0) for row in model.residuals))
     yield with_model(residuals=tuple(replace(row, coverage_95=0.5) for row in model.residuals))
@@ -241,6 +311,23 @@ def test_findings_in_english_are_called_so_in_the_language(result):
     ]
 
 
+def test_a_finding_that_is_known_is_said_again_sentence_by_sentence(result):
+    finding = Finding(
+        "misfit", "warning", "the second-order network is incomplete: its residuals are correlated "
+        "over more than 600 s; its slow residuals have 3.5 times the variance of noise. The 95 % "
+        "intervals allow for slow heat of this size, not for every cause.", "duty, 0.0 s to 9.5 s",
+        "Search for the missing effect with `heatrun discover`.",
+    )  # fmt: skip
+    content = sheet_content(replace(result, findings=(finding,)), Certificate(language="de"))
+    assert content["after_findings"] == ""
+    assert content["graver"][0][1] == (
+        "duty, 0,0 s bis 9,5 s: Das Netzwerk zweiter Ordnung ist unvollständig: seine Residuen "
+        "hängen über mehr als 600 s zusammen; seine langsamen Residuen haben die 3,5-fache Varianz "
+        "des Rauschens. Die 95-%-Intervalle berücksichtigen langsame Wärme dieser Größe, nicht "
+        "jede Ursache. Den fehlenden Effekt mit `heatrun discover` suchen."
+    )
+
+
 def test_a_finding_stands_under_what_it_means_in_the_language(result):
     gap = replace(result, findings=(Finding("time_gap", "warning", "It has a gap."),))
     for language, said in (
@@ -251,7 +338,6 @@ def test_a_finding_stands_under_what_it_means_in_the_language(result):
         assert content["graver"][0][1] == said
 
 
-DATA = Path(__file__).parents[2] / "data" / "synthetic"
 ROAD = [DATA / "prototypes" / f"{name}_2024_03_05_001.csv.gz" for name in ("Test", "Road")]
 
 
@@ -279,6 +365,9 @@ def test_titles_labels_heads_and_captions_of_reports_are_in_the_table(kind, tmp_
         heads = zip([one["title"], *one["head"]], [other["title"], *other["head"]], strict=True)
         lines = zip(one["lines"], other["lines"], strict=True)
         pairs += [*heads, *((a[0], b[0]) for a, b in lines)]
+    pairs += zip([english["summary"]], [said["summary"]], strict=True)
+    pairs += [(a[1], b[1]) for a, b in zip(english["definitions"], said["definitions"], strict=True)
+              if not re.match("P_Js = |v = ", a[1])]  # fmt: skip
     same = {a for a, b in pairs if a == b and not re.fullmatch(r"\d+ … \d+ %", a)}
     assert same <= {"", "RMSE"}
     say = Texts("it")

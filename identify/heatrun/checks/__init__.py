@@ -6,7 +6,7 @@ whatever the record holds.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -154,7 +154,8 @@ def _of_the_sensor(record: Record, motor: Motor) -> tuple[list[Finding], Record]
     """Return the findings on the winding's reading in the order of time, and the record without."""
     told: list[Finding] = []
     for _ in range(MOST_FAULTS):
-        found = [finding for check in OF_THE_SENSOR for finding in check(record, motor)]
+        found = [one for check in OF_THE_SENSOR for one in check(record, motor)]
+        found = [one for one in found if not _is_below_a_top(one, told)]
         errors = [one for one in found if mended(record, motor, one)[0] is not record]
         if not errors:
             return [*told, *found], record
@@ -162,6 +163,19 @@ def _of_the_sensor(record: Record, motor: Motor) -> tuple[list[Finding], Record]
         told.append(first)
         record, _ = mended(record, motor, first)
     return told, record
+
+
+def _is_below_a_top(finding: Finding, told: Sequence[Finding]) -> bool:
+    """Return whether a winding that is clipped already explains it: a range has one upper end, and
+    what stands still below it, while it is reached, is its rounding.
+    """
+    from_s, to_s = finding.values.get("from_s"), finding.values.get("to_s")
+    return finding.id in ("saturation", "sensor_stuck") and any(
+        top.id == "saturation" and "winding_degC" in top.where and "winding_degC" in finding.where
+        and from_s is not None and to_s is not None
+        and from_s <= (top.values["to_s"] or 0.0) and to_s >= (top.values["from_s"] or 0.0)
+        for top in told
+    )  # fmt: skip
 
 
 __all__ = ["CHECKS", "Check", "check_record", "current_scale_unchecked"]

@@ -89,6 +89,7 @@ def run(options: argparse.Namespace) -> int:
         return NOT_ALLOWED if has_error else DONE
     # a channel that is missing may be among the columns that none claims
     lacking = {finding.test for finding in findings if finding.id == "missing_channel"}
+    unread = {finding.test for finding in findings if finding.id == "not_read"}
     wrong = {finding.test for finding in findings if finding.severity == "error"} - lacking
     alike: dict[str, list[str]] = {}
     for answer in answers:
@@ -102,7 +103,7 @@ def run(options: argparse.Namespace) -> int:
     ]
     lines += findings_text(findings, verbose=options.verbose).splitlines()
     for test, unused in unclaimed.items():
-        if unused and (options.verbose or test in lacking):
+        if unused and (options.verbose or test in lacking | unread):
             names = ", ".join(" ".join(name.split()) for name in unused)
             lines.append(f"No channel claims, in {test}: {names}")
     if options.verbose:

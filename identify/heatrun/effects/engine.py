@@ -58,6 +58,9 @@ REACH = 8.0
 """Prior standard deviations that a parameter of the network may go from its prior's centre, or from
 where a fit without bounds has put it."""
 
+STEEPEST = 1e3 * WORST_RESIDUAL
+"""A derivative [K per score] beyond this, of a network too stiff for the step, has no square."""
+
 BOUNDED = ("effect", "known")
 """Roles of parameters whose amplitudes stay within their physical range."""
 
@@ -217,7 +220,7 @@ class Engine:
         for test, of_test, jacobian in zip(self.tests, means, jacobians, strict=True):
             residual, is_sound = self._sound(test, test.own(of_test))
             rows.append(residual)
-            slopes.append(np.where(is_sound[:, None], np.nan_to_num(jacobian), 0.0))
+            slopes.append(self._followed(jacobian, is_sound))
         return np.concatenate(rows), np.concatenate(slopes)
 
     def linearise_many(
@@ -254,9 +257,9 @@ class Engine:
             for place in range(len(places)):
                 mine = [lane for lane, (p, _) in enumerate(lanes) if p == place]
                 residual, is_sound = self._sound(test, own[:, 0, mine[0]])
-                slopes = np.nan_to_num(-own[:, 1, mine[: len(places[place][1])]])
+                slopes = -own[:, 1, mine[: len(places[place][1])]]
                 found[place][0].append(residual)
-                found[place][1].append(np.where(is_sound[:, None], slopes, 0.0))
+                found[place][1].append(self._followed(slopes, is_sound))
         return [(np.concatenate(rows), np.concatenate(slopes)) for rows, slopes in found]
 
     @staticmethod
@@ -265,6 +268,11 @@ class Engine:
         residual, seen = test.measured - means, test.is_observed
         is_sound = seen & (np.abs(residual) < WORST_RESIDUAL)
         return np.where(is_sound, residual, np.where(seen, WORST_RESIDUAL, 0.0)), is_sound
+
+    @staticmethod
+    def _followed(slopes: np.ndarray, is_sound: np.ndarray) -> np.ndarray:
+        """Return the derivatives of a test, 0 where no solver could follow them."""
+        return np.where(is_sound[:, None] & (np.abs(slopes) < STEEPEST), slopes, 0.0)
 
     def whiten(self, noise: Noise, stacked: np.ndarray) -> np.ndarray:
         """Return rows over all blocks (block, ...) whitened test by test."""

@@ -213,11 +213,13 @@ def several_optima(problem: Problem, num_modes: int) -> Finding:
 
 def not_converged(problem: Problem) -> Finding:
     """Return the finding that the alternation of noise and least squares has not ended."""
+    message, _, remedy = RESULT.not_converged.value.partition(". ")
     return Finding(
         id="not_converged",
         severity="warning",
-        message=f"{problem.model.title}: {RESULT.not_converged.value}",
+        message=f"{problem.model.title}: {message}.",
         where=problem.label,
+        remedy=remedy,
     )
 
 

@@ -92,7 +92,7 @@ class UnreadTest:
 
     Attributes:
         name: Name of the test.
-        findings: Why it cannot be read, then each channel that a fit lacks.
+        findings: Why it cannot be read, then each further channel that a fit lacks.
         mapping: How columns became channels as far as they do.
         unused: Columns that no channel claims.
     """
@@ -135,7 +135,12 @@ def unread_test(path: Path | str, motor: Motor, error: InputError) -> UnreadTest
     held, _ = derive(held, phases=motor.phases, losses=motor.losses, constants=motor.constants)
     if tells_winding(held):
         held.setdefault("winding_degC", np.ones(1))
-    lacking = missing_channel(Record(name, held), motor)
+    told = {one.where.rpartition(" as ")[2] for one in faults.values()}
+    lacking = (
+        finding
+        for finding in missing_channel(Record(name, held), motor)
+        if finding.where.rpartition(", ")[2] not in told
+    )
     return UnreadTest(
         name,
         tuple(replace(finding, test=name) for finding in (*reasons, *lacking)),

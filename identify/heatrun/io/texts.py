@@ -1,8 +1,9 @@
 """The texts of sheets and reports in the languages that they are printed in, from one table.
 
 `texts.toml` holds each sentence in all languages under a key. What a page says itself (`[page]`) is
-asked for by its key. What runs and reports state in English (`[run]`, `[report]`) is recognised by
-the English text of the table, and said `again` in the language of the page.
+asked for by its key. What runs, reports and findings state in English (`[run]`, `[report]`,
+`[sentence]`) is recognised by the English text of the table, and said `again` in the language of
+the page; of findings sentence by sentence.
 
 A field of a text is `{name}`, as it is given; `{name:n}`, numbers, with the decimal sign of the
 language, `{name:v}` names with such numbers; `{name:t}` or, without commas in it, `{name:w}`, words
@@ -17,12 +18,15 @@ from collections.abc import Sequence
 from functools import cache
 from importlib import resources
 
+SENTENCES = re.compile(r"(?<=\.) (?=[A-Z`])")
+"""Between two of them."""
+
 LANGUAGES = ("en", "de", "it")
 """In the order of the columns of the table."""
 
 FIELD = re.compile(r"\{(\w+)(?::(\w))?\}")
 
-NUMBER = r"[-+±]?\d[\d.]*(?:(?: … | ± )[-+]?\d[\d.]*)*"
+NUMBER = r"[-+±]?\d[\d.]*(?:e[-+]\d+)?(?:(?: … | ± )[-+]?\d[\d.]*)*"
 KINDS = {"n": NUMBER, "d": r"\d{4}-\d\d-\d\d", "i": "[a-z_]+", "w": "[^,;]+?"}
 """What a field may hold where a text is recognised, by its kind; of other kinds, anything."""
 
@@ -45,10 +49,14 @@ def _whole() -> dict[str, str]:
     return {row[0]: key for key, row in table().items() if not FIELD.search(row[0])}
 
 
+STATED, OF_FINDINGS = ("run", "report"), ("sentence",)
+"""Sections in which a text is recognised."""
+
+
 @cache
-def _patterns() -> list[tuple[str, re.Pattern[str]]]:
+def _patterns(sections: tuple[str, ...]) -> list[tuple[str, re.Pattern[str]]]:
     """Return key and pattern of the texts with fields, those that say most themselves first."""
-    stated = {**_sections()["run"], **_sections()["report"]}
+    stated = {key: row for name in sections for key, row in _sections()[name].items()}
     rows = [(key, row[0]) for key, row in stated.items() if FIELD.search(row[0])]
     rows.sort(key=lambda row: -len(FIELD.sub("", row[1])))
     return [(key, re.compile(_pattern(text))) for key, text in rows]
@@ -96,33 +104,40 @@ class Texts:
             self.unknown.add(text)
         return text if said is None else said
 
+    def sentences(self, text: str) -> str | None:
+        """Return English sentences in this language, or None where the table lacks one of them."""
+        if self.language == LANGUAGES[0] or not text:
+            return text
+        return " ".join(self._all_known(SENTENCES.split(text), OF_FINDINGS)) or None
+
     def number(self, text: str) -> str:
         """Return a text with the decimal sign of this language in its numbers."""
         return text if self.language == LANGUAGES[0] else re.sub(r"(?<=\d)\.(?=\d)", ",", text)
 
-    def _known(self, text: str) -> str | None:
+    def _known(self, text: str, sections: tuple[str, ...] = STATED) -> str | None:
         """Return a text again, or None: as a whole, as a list, by its pattern."""
         small = text[:1].lower() + text[1:]
         for each in (text, small):
             if each in _whole():
                 said = self(_whole()[each])
                 return said if each == text else said[:1].upper() + said[1:]
-        if text.endswith(".") and (said := self._known(text[:-1])):
+        if text.endswith(".") and (said := self._known(text[:-1], sections)):
             return f"{said}."
         for sign in ("; ", ", "):
-            if sign in text and (parts := self._all_known(text.split(sign))):
+            if sign in text and (parts := self._all_known(text.split(sign), sections)):
                 return sign.join(parts)
-        for key, pattern in _patterns():
+        for key, pattern in _patterns(sections):
             if found := pattern.fullmatch(text):
                 return self(key, **found.groupdict())
         for between in re.finditer(" and ", text):
-            if parts := self._all_known([text[: between.start()], text[between.end() :]]):
+            halves = text[: between.start()], text[between.end() :]
+            if parts := self._all_known(halves, sections):
                 return f" {self('and')} ".join(parts)
         return None
 
-    def _all_known(self, parts: Sequence[str]) -> list[str]:
+    def _all_known(self, parts: Sequence[str], sections: tuple[str, ...] = STATED) -> list[str]:
         """Return texts again; none at all where one of them is not known."""
-        said = [self._known(part) for part in parts]
+        said = [self._known(part, sections) for part in parts]
         return [] if None in said else [each for each in said if each]
 
     def _printed(self, text: str, kind: str | None) -> str:

@@ -16,7 +16,7 @@ from ..results.model import AT_REST, LOADED, DerivedFigure, DescribedTest, Fitte
 from ..results.values import Interval, known
 from ..runs.verdict import concerns, favoured
 from .certificate import ON_PAGE_1, certificate_content, places_of_current
-from .printed import format_interval, format_value, num_stated, signed, under_meaning
+from .printed import format_interval, format_value, num_stated, signed, told
 
 GRAVITY = {"error": 0, "warning": 1, "note": 2}
 
@@ -66,7 +66,7 @@ def sheet_content(
             if name not in ON_PAGE_1 and not name.endswith((LOADED, AT_REST))
         ],
         "graver": [[say(each.severity), _sentence(each, result, say)] for each in graver],
-        "after_findings": _after_findings(len(graver), len(own) - len(graver), say),
+        "after_findings": _after_findings(graver, len(own) - len(graver), say),
         "comparison": [clean(w) for w in (result.comparison.words if result.comparison else ())],
         "findings": [[each.severity, _sentence(each, result, say)] for each in own],
         "limits": [
@@ -105,15 +105,15 @@ def _assumed(rows: Sequence[Sequence[str]]) -> list[str]:
 
 def _sentence(finding: Finding, result: FitResult, say: Texts) -> str:
     paths = [result.motor.path, *(test.path for test in result.tests)]
-    text = f"{finding.where}: {finding.message} {finding.remedy}".strip(": ")
-    return clean(without_folders(under_meaning(finding.id, text, say), paths))
+    return clean(without_folders(told(finding, say)[0], paths))
 
 
-def _after_findings(num_graver: int, num_notes: int, say: Texts) -> str:
+def _after_findings(graver: Sequence[Finding], num_notes: int, say: Texts) -> str:
     """Return what stands below the findings."""
-    parts = ["" if num_graver or num_notes else say("none")]
+    parts = ["" if graver or num_notes else say("none")]
     parts.append(say("notes_elsewhere", num=num_notes) if num_notes else "")
-    parts.append(say("findings_in_english") if num_graver or num_notes else "")
+    is_whole = all(told(each, say)[1] for each in graver)
+    parts.append("" if is_whole else say("findings_in_english"))
     return " ".join(part for part in parts if part)
 
 

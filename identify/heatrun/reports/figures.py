@@ -384,4 +384,20 @@ def certificate_figure(
     )  # fmt: skip
     finish([axis, below], say)
     stack(figure, [axis, below], [0.25, GAP_IN], below=0.72 if columns == 5 else 0.86)
+    for each in (axis, below):
+        _fit_label(each, 7.2 * aspect)
     return figure
+
+
+CHARACTER_IN = 0.058
+"""Width of a character of a label [in], about."""
+
+
+def _fit_label(axis: Axes, height_in: float) -> None:
+    """Break the label beside a low panel before its unit, and lay it flat beside a lower one."""
+    label, room_in = axis.yaxis.label, height_in * axis.get_position().height
+    words = label.get_text()
+    if CHARACTER_IN * len(words) > room_in:
+        label.set_text(words.replace(" [", "\n["))
+    if CHARACTER_IN * max(map(len, label.get_text().split("\n"))) > room_in:
+        label.set(rotation=0, va="center", fontsize=7)

@@ -12,14 +12,15 @@ from __future__ import annotations
 import datetime
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from ..io.quantities import quantity, rounded
-from ..io.texts import LANGUAGES, Texts
+from ..io.texts import Texts
 from ..record.derive import constants_of
 from ..record.findings import FINDINGS
 from ..record.motor import Certificate
+from ..record.record import Finding
 from ..results import FitResult
 from ..results.model import DescribedTest, FittedParameter
 from ..results.values import Interval, known
@@ -239,8 +240,18 @@ def num_stated(tests: Sequence[DescribedTest], channel: str) -> int:
     return sum(channel in constants_of(test.notes) for test in tests)
 
 
-def under_meaning(id: str, text: str, say: Texts) -> str:
-    """Return the English sentences of a finding, elsewhere under what all of its id mean."""
-    if say.language == LANGUAGES[0] or id not in FINDINGS:
-        return text
-    return f"{say.again(FINDINGS[id].meaning)} {text}"
+def told(finding: Finding, say: Texts) -> tuple[str, bool]:
+    """Return a finding as a line of text, and whether all of it is in the language of the page.
+
+    A message that the table lacks stays English, under what all findings of its id mean.
+    """
+    message, remedy = say.sentences(finding.message), say.sentences(finding.remedy)
+    kind = FINDINGS.get(finding.id)
+    above = say.again(kind.meaning) if message is None and kind else ""
+    said = replace(
+        finding,
+        where=say.sentences(finding.where) or finding.where,
+        message=finding.message if message is None else message,
+        remedy=finding.remedy if remedy is None else remedy,
+    )
+    return f"{above} {said.sentence()}".strip(), None not in (message, remedy)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,7 @@ from ..results.model import DerivedFigure, DescribedTest, FittedModel
 from ..results.values import known
 from ..runs.verdict import (
     BEFORE_PARAMETERS,
+    LEFT_OUT,
     concerns,
     deciding,
     favoured,
@@ -128,7 +130,8 @@ def next_step(result: FitResult, run: str) -> str:
         if poor and any(remedies):
             return next(filter(None, remedies))
     if decisive:
-        return decisive[0].remedy
+        is_plain = LEFT_OUT in {finding.id for finding in decisive}
+        return (is_plain and _without_plain(result.command)) or decisive[0].remedy
     if headline(result).use != "usable":
         return "add a test with several steps of load and a cool-down"
     if all(test.role != "holdout" for test in result.tests):
@@ -136,35 +139,43 @@ def next_step(result: FitResult, run: str) -> str:
     return f"heatrun simulate {result.motor.path or 'MOTOR.toml'} {run} TEST predicts other loads"
 
 
+def _without_plain(command: str) -> str:
+    """Return the command of a run without --plain and its folder; empty if it has none."""
+    words = shlex.split(command)
+    if "--plain" not in words:
+        return ""
+    words.remove("--plain")
+    place = words.index("--out") if "--out" in words else len(words)
+    del words[place : place + 2]
+    return shlex.join(word for word in words if not word.startswith("--out="))
+
+
 def _parameters(result: FitResult, model: FittedModel) -> list[str]:
     """Return the parameters as page 1 of the sheet has them, and the conditions of the tests.
 
-    Where effects change a resistance, that at stated conditions takes the place of its law.
+    Where effects change a resistance, that at stated conditions takes the place of its law. Each
+    effect has one line.
     """
     content = certificate_content(result, Certificate())
     lines = parameter_lines(model)
     stated = {id(line.entry) for line in lines if line.figure is not None}
-    rows = [
-        (
-            name,
-            text,
-            judged,
-            f" at {known(line.figure.condition)}"
-            if line.figure is not None
-            else f" ({meaning})"
-            if "." in name
-            else "",
-        )
-        for line, (name, meaning, text, judged) in zip(lines, content["parameters"], strict=True)
-        if judged != ENGLISH("of_motor_file")
-        and (line.figure is not None or id(line.entry) not in stated)
-    ]
+    rows, effects = [], {}
+    for line, (name, meaning, text, judged) in zip(lines, content["parameters"], strict=True):
+        is_law = line.figure is None and id(line.entry) in stated
+        if judged == ENGLISH("of_motor_file") or is_law:
+            continue
+        effect, dot, own = name.partition(".")
+        if dot:
+            effects.setdefault(effect, []).append(f"{own} {text} ({meaning})")
+        else:
+            condition = "" if line.figure is None else f" at {known(line.figure.condition)}"
+            rows.append((name, text, judged + condition))
     widths = [max([0, *(len(row[i]) for row in rows)]) for i in range(2)]
     return [
-        *(f"  {name:<{widths[0]}}  {text:<{widths[1]}}  {judged}{condition}".rstrip()
-          for name, text, judged, condition in rows),
+        *(f"  {name:<{widths[0]}}  {text:<{widths[1]}}  {judged}" for name, text, judged in rows),
+        *(f"  {effect}: {', '.join(told)}" for effect, told in effects.items()),
         f"  in the tests: {dict(content['statement'])['Conditions']}",
-    ]  # fmt: skip
+    ]
 
 
 def _errors(model: FittedModel, role: str) -> str:

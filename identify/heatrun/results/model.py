@@ -173,7 +173,7 @@ class BodyRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WindingAtEnd:
-    """Whether the winding had settled at the end of the last stretch of constant load.
+    """Whether the winding had settled under the last load that was held.
 
     Attributes:
         is_reached: Whether thermal equilibrium was reached; null where the readings leave it open.

@@ -71,6 +71,10 @@ class Stretch:
         """How long it is [s]."""
         return self.to_s - self.from_s
 
+    def holds(self, time_s: Float[np.ndarray, " time"]) -> bool:
+        """Return whether any of these times lies in it."""
+        return bool(np.any((time_s >= self.from_s) & (time_s <= self.to_s)))
+
 
 def load_channels(record: Record) -> tuple[str, ...]:
     """Return the channels that tell whether the load was held; empty where none was recorded."""

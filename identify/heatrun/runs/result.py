@@ -26,6 +26,7 @@ from ..readers.mapping import describe_mapping
 from ..record.blocks import Blocks
 from ..record.motor import Motor
 from ..record.record import Finding, Record
+from ..record.samples import is_loaded, samples, with_all_heat
 from ..results.model import (
     FIT_FORMAT,
     BodyRow,
@@ -47,7 +48,7 @@ from ..results.model import (
 )
 from ..results.values import Interval, Role
 from ..version import __version__
-from .equilibrium import SteadyRise, equilibrium
+from .equilibrium import SteadyRise, equilibria
 from .machine import tested
 from .ratings_figures import derive
 from .replica import replica
@@ -101,11 +102,23 @@ def describe_test(
 
 
 def _at_end(record: Record, motor: Motor) -> WindingAtEnd | UnsetType:
-    """Return whether the winding had settled; unset where no load was held long enough."""
-    if "winding_degC" not in record or f"{motor.sink}_degC" not in record:
+    """Return whether the winding had settled under the last load that was held long enough; unset
+    where none was.
+    """
+    needed = ("winding_degC", f"{motor.sink}_degC", "losses_W")
+    if any(channel not in record for channel in needed):
         return UNSET
-    last = equilibrium(record, motor, "winding_degC")
-    if not last.is_held or last.stretch is None or not last.gradients_K_per_h:
+    time_s, losses = samples(with_all_heat(record, motor), "losses_W")
+    heated_s = time_s[is_loaded(losses)]
+    last = next(
+        (
+            one
+            for one in reversed(equilibria(record, motor, "winding_degC"))
+            if one.is_held and one.stretch is not None and one.stretch.holds(heated_s)
+        ),
+        None,
+    )
+    if last is None or last.stretch is None or not last.gradients_K_per_h:
         return UNSET
     more = last.steady if isinstance(last.steady, SteadyRise) else None
     return WindingAtEnd(

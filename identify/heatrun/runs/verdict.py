@@ -38,6 +38,9 @@ NOT_FOLLOWED = 0.05
 INCOMPLETE = with_doubt("network")
 """Findings that the tests show more than the network has, or do not tell what it is."""
 
+LEFT_OUT = "effects_left_out"
+"""Of them, the finding of a run with --plain."""
+
 TAKEN_UP = ("instrument_beyond_prior", "prior_conflict")
 """Findings that a parameter stands where nobody expects it."""
 
@@ -89,6 +92,9 @@ def headline(result: FitResult) -> UseVerdict:
     astray = _not_followed(result, model) or _taken_up(result)
     if astray:
         return UseVerdict("not usable", f"{title}. {astray}", reasons)
+    only = _time_constants_only(result, model)
+    if only and len(lost) == len(free):
+        return UseVerdict("not usable", f"{title}. {only}", reasons)
     if lost:
         are = "is" if len(lost) == 1 else "are"
         return UseVerdict(
@@ -159,6 +165,16 @@ def judged(result: FitResult) -> FitResult:
         models = {**result.models, favoured(result): replace(model, parameters=entries)}
         result = replace(result, models=models)
     return replace(result, use=headline(result))
+
+
+def _time_constants_only(result: FitResult, model: FittedModel) -> str:
+    """Return what a cooling curve says, as a sentence; empty where the tests are none."""
+    found = (model.derived.get(name) for name in ("tau_s", "tau_fast_s", "tau_slow_s"))
+    told = [f"{rounded(tau.median)} s" for tau in found if tau and math.isfinite(tau.median)]
+    is_cooling = any(f.id == "no_heating" and f.severity == "warning" for f in result.findings)
+    if not told or not is_cooling:
+        return ""
+    return f"The tests give time constants only: {' and '.join(told)}."
 
 
 def _title(model: FittedModel) -> str:
@@ -277,7 +293,11 @@ def _doubts(result: FitResult, model: FittedModel) -> list[str]:
         )
     if not model.posterior.is_sound:
         words.append("The intervals are indicative: the diagnostics of the sampling are not met.")
-    if _lacks(result):
+    if any(f.id == LEFT_OUT for f in deciding(result)):
+        words.append(
+            "The network lacks effects that the tests ask for: its intervals are wider for it."
+        )
+    elif _lacks(result):
         words.append(
             "The network lacks something that the tests show: its intervals are wider for it, and "
             "`heatrun discover` searches for what it is."
