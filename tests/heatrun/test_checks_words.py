@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -138,6 +139,32 @@ def test_three_faults_are_three_findings():
         ) if one.severity != "note"
     ]  # fmt: skip
     assert [one.id for one in found] == ["time_backwards", "unit_suspected", "sensor_detached"]
+
+
+def test_a_part_in_rows_is_cut_in_rows():
+    """Its clock was set back: a time stands in both parts, a row in one."""
+    record = fell_off(SLOW, 1500.0)
+    time_s = record.time_s.copy()
+    size, first = time_s.size, int(np.searchsorted(time_s, 1800.0))
+    time_s[first:] -= 1700.0
+    whole = replace(changed(record, time_s=time_s), name="run")
+
+    def advised(*pairs: tuple[int, int]) -> str:
+        use = tuple(Stretch(*pair, in_rows=True) for pair in pairs)
+        parts = parts_of(whole, replace(MOTOR, tests={"run": PartsOfTest(use=use)}))
+        return " ".join(
+            one.remedy for part in parts for one in check_record(part, MOTOR)
+            if one.id == "sensor_detached"
+        )  # fmt: skip
+
+    told = advised((1, first), (first + 1, size))
+    pair = re.search(r"\[tests.run\] use_rows = \[\[1, (\d+)\], …\] in the motor file", told)
+    assert pair is not None
+    assert "(… the other parts)" in told
+    last = int(pair[1])
+    assert last < first
+    assert SLOW.time_s[last - 1] == pytest.approx(1500.0, abs=5.0)
+    assert not advised((1, last))
 
 
 def test_a_sensor_that_is_put_back_is_left_out_between():

@@ -68,7 +68,10 @@ def parts_of(
     found = [part for one in found for part in over_gaps(one, parts.gap_load, splits=at_gaps)]
     found = [mask(one, windows_in(one, windows), f"mask in {said_by}") for one in found]
     if len(found) > 1:
-        found = [replace(one, name=f"{one.name}_{n}") for n, one in enumerate(found, start=1)]
+        found = [
+            replace(one, name=f"{one.name}_{n}", part_of=record.name)
+            for n, one in enumerate(found, start=1)
+        ]
     return tuple(with_seen_start(one, windows) for one in found)
 
 

@@ -58,7 +58,7 @@ def ranked(findings: Sequence[Finding]) -> list[Finding]:
 
 def findings_text(findings: Sequence[Finding], *, verbose: bool = False) -> str:
     """Return findings, the gravest first, a paragraph each; notes only if `verbose`."""
-    return "\n".join(
+    lines = (
         printable(
             f"{_MARK[f.severity]}  {'' if f.where.startswith(f.test) else f'[{f.test}] '}"
             f"{f.sentence()}  ({f.id})"
@@ -66,6 +66,7 @@ def findings_text(findings: Sequence[Finding], *, verbose: bool = False) -> str:
         for f in ranked(findings)
         if verbose or f.severity != "note"
     )
+    return "\n".join(dict.fromkeys(lines))  # parts of a file share what it says
 
 
 def result_text(result: FitResult, run: str = "RUN", *, verbose: bool = False) -> str:
