@@ -55,8 +55,12 @@ def test_an_observer_of_the_true_figures_holds_its_band_and_tells_every_fault(tm
          "Tsr_start": 40.0},
         motor, Model.of("second", motor, ()), rated_speed=100.0, rated_current=10.0,
     )  # fmt: skip
-    missed = Missed(0.003, 1200.0, bench["noise_K"], bench["noise_s"], 0.0, sensor_K=0.55,
-                    sink_K=0.5, share=0.01, resolution_K=bench["digit_K"])  # fmt: skip
+    course = record[2]
+    shaft_W = course["torque"] * course["rpm"] * np.pi / 30.0
+    losses = 0.005 * float(np.mean(shaft_W) / np.mean(course["losses"]))  # as declared
+    missed = Missed(0.02, 1200.0, bench["noise_K"], bench["noise_s"], 0.0, sensor_K=0.55,
+                    sink_K=0.5, share=0.01, losses=losses,
+                    resolution_K=bench["digit_K"], answer=losses)  # fmt: skip
     said = {
         "run": "run",
         "sha256": "0" * 64,

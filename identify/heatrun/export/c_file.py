@@ -84,8 +84,8 @@ fourth order then errs by 0.02^4/120, some 1e-9 of a change."""
 MOST_PARTS = 1000
 """More parts than this cost a drive too much."""
 
-MOST_STATES = 13
-"""States of an observer in less than 1 kB: 13 x 14 / 2 numbers of 8 bytes, and what goes with
+MOST_STATES = 14
+"""States of an observer in less than 1 kB: 14 x 15 / 2 numbers of 8 bytes, and what goes with
 them."""
 
 VECTOR_S = 7200.0
@@ -204,7 +204,7 @@ class CSource:
     @property
     def num_states(self) -> int:
         """Number of states of an observer."""
-        return len(self.nodes) + len(self.heated) + 4 + self.is_apart
+        return len(self.nodes) + len(self.heated) + 5 + self.is_apart
 
     @property
     def lag_s(self) -> float:
@@ -406,6 +406,7 @@ class CSource:
             "heat_sd": repr(missed.heat * losses),
             "sink_sd": repr(missed.sink_K),
             "share_sd": repr(missed.share),
+            "losses_sd": repr(missed.losses),
             "answer_sd": repr(missed.answer),
             "answer_decay": repr(math.exp(-self.step * _rates(found)[sensed])),
             "heat_decay": repr(math.exp(-self.step / missed.heat_s)),

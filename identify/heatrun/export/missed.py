@@ -12,6 +12,7 @@ from scipy.optimize import nnls
 
 from ..model.bodies import OWN, own_name
 from ..model.model import Model
+from ..model.parameters import Parameter
 from ..record.blocks import Blocks
 from ..record.samples import BLOCK_S
 from ..results.model import FittedModel
@@ -40,7 +41,8 @@ class Missed:
         sensor_K: Standard deviation of the constant error of the sensor [K].
         sink_K: Standard deviation of a temperature from the parameters that there is without a rise
             [K].
-        share: That of a rise from the parameters and the losses, over the rise [1].
+        share: That of a rise from the parameters, over the rise [1].
+        losses: That of the losses that are passed, over the losses [1].
         resolution_K: Step of the readings [K].
         answer: Standard deviation of a change soon after a step of the load, over the change [1].
     """
@@ -53,6 +55,7 @@ class Missed:
     sensor_K: float
     sink_K: float = 0.0
     share: float = 0.0
+    losses: float = 0.0
     resolution_K: float = 0.0
     answer: float = 0.0
 
@@ -95,13 +98,13 @@ class Missed:
         for name in ("power_gain", *OWN):  # where they differ, the readings are meant
             left = getattr(its, name) - getattr(theirs, name)
             errors[name] = math.hypot(errors.get(name, 0.0), left)
-        along, rest = of_losses(errors, found.blocks)
-        heat, share = math.hypot(heat, rest), math.hypot(share, along)
+        losses, rest = of_losses(errors, found.blocks)
+        heat = math.hypot(heat, rest, _moved_copper(priors, found))
         sink_K = max(sink_K, ours.sd if ours else 0.0)
         resolution_K = max(each.resolution_K for each in found.blocks.loggers)
         return cls(heat, said.heat_time_s, slow, noise.time_s, noise.white_K,
-                   math.hypot(offset, gain * rise), sink_K, share, resolution_K,
-                   _least_known(model, found.model))  # fmt: skip
+                   math.hypot(offset, gain * rise), sink_K, share, losses, resolution_K,
+                   math.hypot(_least_known(model, found.model), losses))  # fmt: skip
 
     def reading(self, step: float) -> float:
         """Return the standard deviation of the white part of one reading [K].
@@ -123,6 +126,18 @@ def _for_given_losses(run: Run, network: str | None, test: Blocks) -> Prediction
         if slot.parameter.name in POWER:
             vectors[:, place] = np.median(vectors[:, place])
     return predict(replace(draws, vectors=vectors), test)
+
+
+def _moved_copper(priors: Mapping[str, Parameter], found: RunAndTest) -> float:
+    """Return the heat that an error of the current moves between nodes, over the mean loss [1]."""
+    current, motor, test = priors.get("current_gain"), found.motor, found.blocks
+    resistance = found.values.get("Rs0", motor.phase_resistance_ohm)
+    if current is None or current.fixed is not None or resistance is None:
+        return 0.0
+    B, reference = motor.resistance_coefficient_degC, motor.reference_temperature_degC
+    warm = (B + float(np.nanmean(found.record["winding_degC"]))) / (B + reference)
+    copper = motor.phases * resistance * warm * float(np.mean(test.means["current_squared"]))
+    return 2.0 * current.sd * copper / max(float(np.mean(np.abs(test.means["losses"]))), 1e-3)
 
 
 def of_losses(errors: Mapping[str, float], test: Blocks) -> tuple[float, float]:

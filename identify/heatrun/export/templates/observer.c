@@ -2,15 +2,18 @@
 /* Observer. Its states: the temperatures; heat that the network misses, on each heated node a
  * Gauss-Markov process with the size and the time of the run; a slow error of the readings, another
  * such process; what a sensor that lags shows. With white noise on top, the innovations of a sound
- * sensor are white. Three errors stay as they are: of the sensor, of the sink, and of all heat as a
- * share, the last two as wide as the parameters of the run leave the temperatures open. No record
- * tells them apart, so they count in the covariance and are not estimated (S. F. Schmidt 1966). */
+ * sensor are white. Four errors stay as they are: of the sensor, of the sink, of all heat as a
+ * share, and of the losses that are passed; sink and heat are as wide as the parameters of the run
+ * leave the temperatures open. No record tells them apart, so they count in the covariance and are
+ * not estimated (S. F. Schmidt 1966). */
 #define NUM_HEATS HEATRUN_NUM_HEATS
 #define NUM_STATES HEATRUN_NUM_STATES
 #define SLOW (NUM_NODES + NUM_HEATS)
-#define CONSTANT (SLOW + 1 + HEATRUN_HAS_LAG) /* the first of the three: sensor, sink, share */
+#define CONSTANT (SLOW + 1 + HEATRUN_HAS_LAG) /* the first of them: sensor, sink, share, losses */
 #define SINK_ERROR (CONSTANT + 1)
 #define SHARE_ERROR (CONSTANT + 2)
+#define LOSSES_ERROR (CONSTANT + 3)
+#define SENSED $sensed
 #if HEATRUN_HAS_LAG
 #define SHOWN (SLOW + 1) /* the state that is read */
 static const heatrun_real LAG_DECAY = R($lag_decay); /* over a step */
@@ -28,7 +31,7 @@ static heatrun_real sensed(const heatrun_real T[NUM_NODES])
     return sum;
 }
 #else
-#define SHOWN $sensed /* the node that is read */
+#define SHOWN SENSED /* the node that is read */
 #endif
 
 static const int HEATED[NUM_HEATS] = {$heated};
@@ -37,6 +40,7 @@ static const heatrun_real HEAT_DECAY = R($heat_decay); /* over a step */
 static const heatrun_real SLOW_DECAY = R($slow_decay);
 static const heatrun_real SINK_SD_K = R($sink_sd);
 static const heatrun_real SHARE_SD = R($share_sd);
+static const heatrun_real LOSSES_SD = R($losses_sd);
 static const heatrun_real BLIND_K = R($blind); /* growth in a step without inputs */
 static const heatrun_real ANSWER_SD = R($answer_sd); /* of a fresh change, over that change */
 static const heatrun_real ANSWER_DECAY = R($answer_decay); /* with the time of the sensed node */
@@ -82,6 +86,7 @@ static heatrun_real start_variance(int i)
         : i == CONSTANT              ? R(HEATRUN_SENSOR_SD_K)
         : i == SINK_ERROR            ? SINK_SD_K
         : i == SHARE_ERROR           ? SHARE_SD
+        : i == LOSSES_ERROR          ? LOSSES_SD
                                      : R(0.0);
     return sd*sd;
 }
@@ -112,9 +117,10 @@ static void slopes_near(const drive *at, const heatrun_real T[NUM_NODES],
 }
 
 /* Column of F: what becomes of a state of 1 in a step. */
-static void passed(const heatrun_parameters *p, heatrun_real per_s[NUM_NODES + 1][NUM_NODES],
+static void passed(const drive *at, heatrun_real per_s[NUM_NODES + 1][NUM_NODES],
                    const heatrun_real now_W[NUM_NODES], int j, heatrun_real column[NUM_STATES])
 {
+    const heatrun_parameters *p = at->parameters;
     const heatrun_real h = R(HEATRUN_STEP_S)/R(HEATRUN_PARTS);
     heatrun_real push[NUM_NODES]; /* slopes that are held [K/s] */
     int i, k, part, order;
@@ -126,6 +132,7 @@ static void passed(const heatrun_parameters *p, heatrun_real per_s[NUM_NODES + 1
         const heatrun_real C = p->capacitance_J_per_K[i];
         push[i] = j == SINK_ERROR ? per_s[NUM_NODES][i]
             : j == SHARE_ERROR    ? now_W[i]/C
+            : j == LOSSES_ERROR   ? p->share[i]*at->losses_W/C
             : j >= NUM_NODES && j < SLOW && HEATED[j - NUM_NODES] == i ? R(1.0)/C
                                                                       : R(0.0);
         column[i] = i == j ? R(1.0) : R(0.0);
@@ -156,17 +163,16 @@ static void passed(const heatrun_parameters *p, heatrun_real per_s[NUM_NODES + 1
 }
 
 /* P -> F P F' + Q; F stands by columns. */
-static void predict_covariance(heatrun_observer *observer, const drive *at)
+static void predict_covariance(heatrun_observer *observer, const drive *at,
+                               const heatrun_real now_W[NUM_NODES])
 {
     heatrun_real F[NUM_STATES][NUM_STATES];
     heatrun_real product[NUM_STATES][NUM_STATES];
     heatrun_real per_s[NUM_NODES + 1][NUM_NODES];
-    heatrun_real now_W[NUM_NODES];
     int i, j, k;
-    heats(at, observer->model.temperature_degC, now_W);
     slopes_near(at, observer->model.temperature_degC, per_s);
     for (j = 0; j < NUM_STATES; ++j) {
-        passed(at->parameters, per_s, now_W, j, F[j]);
+        passed(at, per_s, now_W, j, F[j]);
     }
     for (i = 0; i < NUM_STATES; ++i) {
         for (j = 0; j < NUM_STATES; ++j) {
@@ -250,8 +256,20 @@ static void correct(heatrun_observer *observer, heatrun_real innovation_K)
     }
 }
 
+/* Standard deviation of the step of the node that is read, where the heat is wrong [K]. */
+static heatrun_real push_sd(const drive *at, const heatrun_real now_W[NUM_NODES])
+{
+    const heatrun_parameters *p = at->parameters;
+    const heatrun_real share_W = SHARE_SD*now_W[SENSED];
+    const heatrun_real losses_W = LOSSES_SD*p->share[SENSED]*at->losses_W;
+    const heatrun_real sd_W =
+        root(HEAT_SD_W*HEAT_SD_W + share_W*share_W + losses_W*losses_W);
+    return R(HEATRUN_STEP_S)*sd_W/p->capacitance_J_per_K[SENSED];
+}
+
 /* Judge the sensor; return whether this reading may correct the model. */
-static int judge(heatrun_observer *observer, heatrun_real reading_degC, heatrun_real change_K)
+static int judge(heatrun_observer *observer, heatrun_real reading_degC, heatrun_real change_K,
+                 heatrun_real push_K)
 {
     heatrun_real seen[NUM_STATES];
     const heatrun_real fresh_K = ANSWER_SD*observer->fresh_K;
@@ -268,6 +286,7 @@ static int judge(heatrun_observer *observer, heatrun_real reading_degC, heatrun_
         || jump_K*jump_K > R(HEATRUN_OFF_SDS)*R(HEATRUN_OFF_SDS)*jump_variance_K2;
     const int is_same =
         reading_degC >= observer->last_degC && reading_degC <= observer->last_degC;
+    heatrun_real stuck_K;
     if (!is_temperature(reading_degC)) {
         observer->sensor = HEATRUN_SENSOR_LOST;
         observer->last_degC = R(HEATRUN_MIN_DEGC) - R(1.0);
@@ -276,13 +295,15 @@ static int judge(heatrun_observer *observer, heatrun_real reading_degC, heatrun_
         return 0;
     }
     observer->last_degC = reading_degC;
-    observer->moved_K = is_same ? observer->moved_K + change_K : R(0.0);
+    observer->moved_K = is_same ? ANSWER_DECAY*observer->moved_K + change_K : R(0.0);
+    observer->pushed_K = is_same ? ANSWER_DECAY*observer->pushed_K + push_K : R(0.0);
+    stuck_K = R(HEATRUN_STUCK_K) + R(3.0)*observer->pushed_K;
     observer->score += is_off ? 4 : observer->score > 0 ? -1 : 0;
     observer->score = observer->score < 4*HEATRUN_OFF_STEPS ? observer->score : 4*HEATRUN_OFF_STEPS;
-    if (!is_within(observer->moved_K, R(-HEATRUN_STUCK_K), R(HEATRUN_STUCK_K))
+    if (!is_within(observer->moved_K, -stuck_K, stuck_K)
         || (observer->sensor == HEATRUN_SENSOR_STUCK && is_same)) {
         if (observer->sensor == HEATRUN_SENSOR_OK) {
-            widen(observer, R(HEATRUN_STUCK_K)); /* it has misled the model so far */
+            widen(observer, stuck_K); /* it has misled the model so far */
         }
         observer->sensor = HEATRUN_SENSOR_STUCK;
         observer->num_good = 0;
@@ -329,6 +350,7 @@ heatrun_status heatrun_observer_start(heatrun_observer *observer,
     observer->slow_K = R(0.0);
     observer->last_degC = R(HEATRUN_MIN_DEGC) - R(1.0); /* no reading yet */
     observer->moved_K = R(0.0);
+    observer->pushed_K = R(0.0);
     observer->fresh_K = R(0.0);
     observer->score = 0;
     observer->num_good = 0;
@@ -344,6 +366,7 @@ heatrun_estimate heatrun_observer_step(heatrun_observer *observer, const heatrun
     const heatrun_real before_degC = sensed(observer->model.temperature_degC);
 #endif
     heatrun_real more_W[NUM_NODES] = {R(0.0)};
+    heatrun_real push_K = R(0.0);
     heatrun_estimate estimate;
     drive at;
     int i;
@@ -352,7 +375,10 @@ heatrun_estimate heatrun_observer_step(heatrun_observer *observer, const heatrun
     }
     estimate.status = step_with(&observer->model, inputs, &at, more_W, R(HEATRUN_STEP_S));
     if (estimate.status == HEATRUN_OK) {
-        predict_covariance(observer, &at);
+        heatrun_real now_W[NUM_NODES];
+        heats(&at, observer->model.temperature_degC, now_W);
+        predict_covariance(observer, &at, now_W);
+        push_K = push_sd(&at, now_W);
         for (i = 0; i < NUM_HEATS; ++i) {
             observer->heat_W[i] *= HEAT_DECAY;
         }
@@ -366,7 +392,7 @@ heatrun_estimate heatrun_observer_step(heatrun_observer *observer, const heatrun
         widen(observer, BLIND_K);
     }
     observer->fresh_K = ANSWER_DECAY*observer->fresh_K + shown(observer) - shown_degC;
-    if (judge(observer, reading_degC, shown(observer) - shown_degC) != 0) {
+    if (judge(observer, reading_degC, shown(observer) - shown_degC, push_K) != 0) {
         correct(observer, reading_degC - shown(observer) - observer->slow_K);
     }
     for (i = 0; i < NUM_NODES; ++i) {

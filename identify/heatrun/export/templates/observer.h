@@ -3,7 +3,7 @@
  * sensor. It judges the sensor by what the model expects, and goes on without it where it fails. */
 #define HEATRUN_NUM_HEATS $num_heats
 #define HEATRUN_HAS_LAG $has_lag /* the reading is a state of its own */
-#define HEATRUN_NUM_STATES (HEATRUN_NUM_NODES + HEATRUN_NUM_HEATS + 4 + HEATRUN_HAS_LAG)
+#define HEATRUN_NUM_STATES (HEATRUN_NUM_NODES + HEATRUN_NUM_HEATS + 5 + HEATRUN_HAS_LAG)
 #ifndef HEATRUN_READING_SD_K /* set these three for the sensor of the drive */
 #define HEATRUN_READING_SD_K $reading_sd /* white noise of one reading, rounding included */
 #endif
@@ -15,7 +15,8 @@
 #endif
 #define HEATRUN_OFF_SDS 5.0       /* a reading, or its jump, is suspect beyond so many sds; */
 #define HEATRUN_OFF_STEPS 10      /* the sensor is off after so many, four sound ones undo one */
-#define HEATRUN_STUCK_K $stuck    /* the model has moved so far while the reading stayed the same */
+#define HEATRUN_STUCK_K $stuck    /* the model has moved so far by itself, beyond three sds
+                                   * of what wrong heat makes, while the reading stayed the same */
 #define HEATRUN_RECOVERY_STEPS 30 /* good readings on end before the sensor counts again */
 
 typedef enum {
@@ -35,7 +36,8 @@ typedef struct {
 #endif
     heatrun_real covariance[HEATRUN_NUM_STATES*(HEATRUN_NUM_STATES + 1)/2]; /* lower triangle */
     heatrun_real last_degC;
-    heatrun_real moved_K;
+    heatrun_real moved_K; /* by itself, since the reading stays the same, */
+    heatrun_real pushed_K; /* and by what may be wrong with the heat */
     heatrun_real fresh_K; /* change that the node has not yet passed on */
     int score; /* four for a suspect reading, -1 for another */
     int num_good;
