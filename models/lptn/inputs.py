@@ -176,7 +176,7 @@ class Drive(eqx.Module):
             rated_current: As in `Inputs`.
         """
 
-        def number(value):  # of NumPy where it is known: eager JAX would compile each step
+        def number(value: Any) -> Any:  # of NumPy where it is known: eager JAX would compile each step
             if value is None or isinstance(value, jax.Array):
                 return value
             return np.asarray(value, dtype=float)

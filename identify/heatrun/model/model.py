@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from ..errors import InputError
 from ..record.blocks import Blocks
@@ -149,7 +149,7 @@ class Model:
             }
         return self.form.build(values)
 
-    def in_general(self, values: Values) -> dict[str, Float[Array, ""]]:
+    def in_general(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return values without what belongs to one test: those of the machine in general."""
         of_test = {change_name(parameter.name) for parameter in self.form.parameters}
         of_test |= {own_name(name) for name in OWN}

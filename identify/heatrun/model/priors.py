@@ -7,7 +7,7 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from .parameters import Form, ParameterSet
 
@@ -28,13 +28,13 @@ class Priors(eqx.Module):
     fixed: tuple[dict[str, Float[Any, ""]], ...]
 
     def values(
-        self, form: Form, z: Float[Array, " parameter"], test: int
-    ) -> dict[str, Float[Array, ""]]:
+        self, form: Form, z: Float[Any, " parameter ..."], test: int
+    ) -> dict[str, Float[Any, "..."]]:
         """Return the values of all parameters for one test [their units].
 
         Args:
             form: What stands in which slot.
-            z: Scores.
+            z: Scores, of JAX or of NumPy.
             test: Index of the test.
         """
         exp = np.exp if isinstance(z, np.ndarray) else jnp.exp  # eager JAX would compile it

@@ -24,7 +24,8 @@ from ..io.quantities import percent, rounded
 from ..model.parameters import EXTRA_NODE
 from ..results.model import AT_REST, LOADED, DerivedFigure
 from ..results.values import Interval, Probability, known
-from .duties import Behind, alone_in, at_limit, limits_of, with_effects_in, within_rise
+from .behind import Behind, alone_in, with_effects_in
+from .duties import at_limit, limits_of, within_rise
 from .machine import RAD_PER_S, SAME_LOAD, Machine, Tested, figure, machines, steady_rise
 from .ratings_figures import names_of_times, rates, resistances
 from .run import Run

@@ -1,11 +1,5 @@
 """Currents of duty types, and of any duty, at the insulation limit, where they are asked for.
 
-The values behind each draw: of the network, and of the effect that it may miss.
-
-Where a posterior is averaged over effects that the network may miss, the parameters of a draw are
-where its effect puts them. The figures of that draw are then those of the network with the effect:
-without it, the machine would have another rise than the tests show.
-
 The current of a duty type at the insulation limit, by simulating the duty.
 
 Continuous current and time to the limit of the insulation class.
@@ -15,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -26,20 +20,15 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from lptn import Drive, hold
-from lptn.effects import AbstractEffect
 
 from ..errors import InputError, UsageError
 from ..io.programs import compiled
 from ..io.quantities import rounded
-from ..model.catalogue import lacking
-from ..model.draws import Draws, PlausibleEffect, PlausibleEffects
 from ..model.model import Model
-from ..model.model_parameters import parameters
-from ..model.parameters import Parameter, amplitudes, effect_parameters, override, qualified
-from ..posterior.posterior import Posterior
 from ..record.motor import LIMIT_DEGC, Motor
 from ..results.model import DerivedFigure
 from ..results.values import known, number
+from .behind import Behind
 from .machine import (
     RAD_PER_S,
     WARM,
@@ -51,147 +40,6 @@ from .machine import (
     refused,
     steady_rise,
 )
-
-LIKELY = 0.5
-"""Probability from which on a condition names an effect that the network misses [1]."""
-
-
-class Behind(NamedTuple):
-    """What the figures are computed from.
-
-    Attributes:
-        model: The network with all effects that stand behind one of the draws.
-        values: By parameter name [their units], shape (draw,) each; an effect that does not stand
-            behind a draw is at its null.
-        likely: Effects that the network is likely to miss.
-    """
-
-    model: Model
-    values: dict[str, Float[Array, " draw"]]
-    likely: tuple[type[AbstractEffect], ...]
-
-
-def alone(posterior: Posterior) -> Behind:
-    """Return the network without effects that it may miss; events are those of the first test."""
-    problem = posterior.fit.problem
-    structure, priors = problem.structure, problem.data.priors
-    z = posterior.flat[:, : problem.num_parameters]
-    values = {
-        name: np.broadcast_to(np.asarray(draws), z.shape[0])
-        for name, draws in priors.values(structure.form, z.T, 0).items()
-    }
-    return Behind(structure.model, structure.model.in_general(values), ())
-
-
-def alone_in(draws: Draws) -> Behind:
-    """As `alone`, of the draws of a run."""
-    values = draws.of_test(draws.parameters.tests[0])
-    arrays = {name: jnp.asarray(each) for name, each in values.items()}
-    return Behind(draws.model, draws.model.in_general(arrays), ())
-
-
-def with_effects_in(draws: Draws, base: Behind, seen: Tested) -> Behind:
-    """As `with_effects`, of the draws of a run under a load.
-
-    Args:
-        draws: Draws.
-        base: The network alone.
-        seen: The load; an effect that needs what it does not tell is left out.
-    """
-
-    def known_of(_: Model, kinds: tuple[type[AbstractEffect], ...]) -> Mapping[str, Parameter]:
-        # where an effect is absent its amplitude alone counts, which no machine's size moves
-        own = effect_parameters(kinds, 1.0, searched=kinds)
-        return {**draws.parameters.by_test[0], **override(own, draws.motor)}
-
-    return extended(draws.plausible, base, known_of, lambda kind: bool(seen.lacks(kind)))
-
-
-def with_effects(posterior: Posterior, base: Behind) -> Behind:
-    """Return the network with the effects behind the draws; `base` itself if there are none.
-
-    An effect of one test is none of the machine in general, nor is one whose channel is lacking.
-
-    Args:
-        posterior: Draws.
-        base: The network alone.
-    """
-    problem = posterior.fit.problem
-    tests = [test.winding for test in problem.tests]
-
-    def known(model: Model, kinds: tuple[type[AbstractEffect], ...]) -> Mapping[str, Parameter]:
-        return parameters(model, problem.motor, tests, searched=kinds).by_test[0]
-
-    def lacks(kind: type[AbstractEffect]) -> bool:
-        return any(lacking(kind, test) for test in tests)
-
-    return extended(posterior.plausible, base, known, lacks)
-
-
-def extended(
-    plausible: PlausibleEffects | None,
-    base: Behind,
-    known_of: Callable[[Model, tuple[type[AbstractEffect], ...]], Mapping[str, Parameter]],
-    lacks: Callable[[type[AbstractEffect]], bool],
-) -> Behind:
-    """Return the network with the effects behind its draws, as `with_effects`.
-
-    Args:
-        plausible: The effects; None for none.
-        base: The network alone.
-        known_of: Gives the parameters of a model by name, of which some effects may be absent.
-        lacks: Says of an effect whether its channel is lacking.
-    """
-    if plausible is None:
-        return base
-    used = {
-        index: each
-        for index, each in enumerate(plausible.effects)
-        if each.test is None and np.any(plausible.size[:, index]) and not lacks(each.kind)
-    }
-    if not used:
-        return base
-    kinds = tuple(dict.fromkeys(effect.kind for effect in used.values()))
-    model = replace(base.model, effects=(*base.model.effects, *kinds))
-    known = known_of(model, kinds)
-    values = {name: np.array(draws) for name, draws in base.values.items()}
-    for kind in kinds:
-        for name in kind.card.parameters:
-            own = qualified(kind, name)
-            values[own] = np.full(plausible.size.shape[0], known[own].centre)
-    for index, effect in used.items():
-        rows = np.flatnonzero(plausible.size[:, index])
-        _add(effect, plausible.size[rows, index], rows, known, values)
-    likely = tuple(each.kind for each in used.values() if each.probability >= LIKELY)
-    return Behind(model, jax.tree.map(np.asarray, values), likely)
-
-
-def _add(
-    effect: PlausibleEffect,
-    size: Float[np.ndarray, " row"],
-    rows: Int[np.ndarray, " row"],
-    known: Mapping[str, Parameter],
-    values: Mapping[str, Float[np.ndarray, " draw"]],
-) -> None:
-    """Put an effect of given sizes behind some draws.
-
-    A resistance that it acts on stands in the draws for its mean over the tests, and moves to where
-    the effect has it.
-    """
-    strong = {qualified(effect.kind, name) for name in amplitudes(effect.kind)}
-    own = {qualified(effect.kind, name) for name in effect.kind.card.parameters}
-    for name, value in effect.with_effect.items():
-        parameter = known.get(name)
-        if parameter is None or name not in values:
-            continue
-        if name in strong:
-            values[name][rows] = parameter.centre + size * (value - parameter.centre)
-        elif name in own:
-            values[name][rows] = value
-        elif value != effect.without[name]:
-            apart = parameter.score(value) - parameter.score(effect.without[name])
-            values[name][rows] = parameter.value(parameter.score(values[name][rows]) + size * apart)
-
 
 CYCLE_S = 600.0
 """Length of a cycle of S3 and S6 [s]; IEC 60034-1, 4.2.3 and 4.2.6, if not agreed otherwise."""

@@ -23,18 +23,16 @@ from lptn.effects import AbstractEffect
 from ..errors import InputError
 from ..results.model import DerivedFigure
 from ..results.values import known
+from .behind import Behind, alone_in, with_effects_in
 from .duties import (
     NO_CLASS,
     NO_CURRENT,
-    Behind,
     Limit,
     Rated,
-    alone_in,
     continuous,
     duty_current,
     limits_of,
     parse_duty,
-    with_effects_in,
 )
 from .machine import RAD_PER_S, SAME_LOAD, Machine, Tested, extrapolated, machines
 from .ratings_figures import rates

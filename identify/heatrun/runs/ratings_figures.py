@@ -33,17 +33,15 @@ from ..io.quantities import rounded
 from ..model.model import Model
 from ..posterior.posterior import Posterior
 from ..results.model import AT_REST, LOADED, DerivedFigure
+from .behind import Behind, alone, with_effects
 from .duties import (
     PATTERN,
-    Behind,
     Rated,
-    alone,
     at_limit,
     current_by_rms,
     duty_current,
     limits_of,
     parse_duty,
-    with_effects,
     within_rise,
 )
 from .machine import Tested, UnderLoad, figure, machines, steady_rise, tested, under_load
