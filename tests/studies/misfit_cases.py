@@ -8,7 +8,6 @@ its run folder.
 
 from __future__ import annotations
 
-import math
 import tempfile
 import time
 from pathlib import Path
@@ -17,7 +16,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from bench_package import hidden_bench, write_motor
-from scipy.stats import norm
 from study_runs import command
 
 PARAMETERS = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
@@ -63,9 +61,6 @@ KINDS: dict[str, dict[str, Any]] = {
 IN_TWO_TESTS = ("nothing", "natural_convection", "speed_cooling", "rotor_node", "ambient_drift",
                 "time_shift")  # fmt: skip
 """Kinds that are also looked at in a staircase and a drive cycle of two hours each."""
-
-INSTRUMENTS = ("current_gain", "power_gain", "sensor_gain", "sensor_offset", "ambient_offset",
-               "load_timing")  # fmt: skip
 
 BY_HAND = ("current scale 3 %", "torque offset 0.2 %")
 
@@ -168,25 +163,11 @@ def write_bench(case: Any, folder: Path, kind: str) -> list[str]:
     ]  # fmt: skip
 
 
-def measures(model: Any) -> dict[str, float]:
-    """Return what the findings rest on, whether they were raised or not."""
-    scores, spread = [0.0], []
-    for name, entry in model.nuisances.items():
-        if name.split("[")[0] in INSTRUMENTS:
-            low, high = entry.prior_95
-            scores.append(3.92 * abs(entry.value - 0.5 * (low + high)) / (high - low))
-            spread.append(math.sqrt(max(1.0 - (3.92 * entry.sd / (high - low)) ** 2, 1e-6)))
-    return {
-        "missing_effect_p": model.stats.get("missing_effect_p"),
-        "unmodelled_heat": getattr(model.noise, "unmodelled_heat", None),
-        "noise_time_s": model.noise.time_s,
-        "instruments_p": sum(2.0 * norm.sf(max(scores) / each) for each in spread),
-    }
-
-
 def described(folder: Path, case: Any) -> dict[str, Any]:
     """Return what a run says, beside the truth."""
     import heatrun
+    from heatrun.results.values import known
+    from heatrun.runs.verdict import headline
 
     run = heatrun.open_run(folder)
     model = run.result.models["second"]
@@ -197,7 +178,9 @@ def described(folder: Path, case: Any) -> dict[str, Any]:
         "value": {name: entry.value for name, entry in entries.items()},
         "sd": {name: entry.sd for name, entry in entries.items()},
         "interval_95": {name: list(entry.interval_95) for name, entry in entries.items()},
-        "measures": measures(model),
+        "use": headline(run.result).use,
+        "has": [effect.id for effect in model.effects],
+        "maybe": {row.id: row.probability for row in known(model.maybe_missing) or ()},
         "rmse_K": max(r.rmse_K for r in model.residuals if r.role == "calibration"),
         "holdout_rmse_K": held_out.rmse_K,
         "holdout_coverage_95": held_out.coverage_95,
