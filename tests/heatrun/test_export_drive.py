@@ -45,6 +45,14 @@ def test_the_same_network_finds_its_parameters_again(of_truth, motor, truth):
     assert {n: float(v[0]) for n, v in moved.items()} == pytest.approx(other, rel=2e-3)
 
 
+def test_a_network_too_stiff_for_the_steps_has_an_error_with_a_square(of_truth, motor, truth):
+    stiff = {**truth, "Ceq_w": 1e-3 * truth["Ceq_w"]}
+    error = of_truth.error_K(Model.of("second", motor), stiff)
+    assert np.max(np.abs(error)) > 1e6
+    with np.errstate(over="raise", invalid="raise"):
+        assert np.isfinite(error @ error)
+
+
 def test_errors_towards_cold_weigh_more(of_truth, motor):
     model = Model.of("first", motor)
     start = {"Ceq": 1e4, "Req": 0.2}

@@ -18,6 +18,7 @@ from ..model.courses import block_means
 from ..model.model import Model
 from ..model.parameters import Parameter
 from ..posterior.predict import Prediction
+from ..posterior.starts import ABSURD
 from ..record.blocks import Blocks
 from ..record.observation import Observation
 from ..results.model import Replica
@@ -47,9 +48,13 @@ class Followed:
         return self.test.observation().padded()
 
     def error_K(self, model: Model, parameters: Mapping[str, float]) -> Float[np.ndarray, " block"]:
-        """Return the course of a network minus that of the model [K], shape (block,)."""
+        """Return the course of a network minus that of the model [K], shape (block,).
+
+        One that is too stiff for the steps of the test leaves the numbers: its error has a square.
+        """
         values = {n: np.float64(v) for n, v in {**self.values, **parameters}.items()}
-        return self.test.own(block_means(model, values, self.observation)) - self.course
+        error = self.test.own(block_means(model, values, self.observation)) - self.course
+        return np.nan_to_num(np.clip(error, -ABSURD, ABSURD), nan=ABSURD)
 
 
 @dataclass(frozen=True, eq=False)
