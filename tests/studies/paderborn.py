@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 
 import heatrun
+from heatrun.runs.verdict import headline
 
 PARAMETERS = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
 RECORD = Path("..") / "shared" / "bench" / "paderborn_profile24_heatrun_2p5s.csv.gz"
@@ -140,26 +141,36 @@ def table(runs: dict[tuple[str, str], heatrun.Run], larger: dict[str, heatrun.Ru
         "`make study-paderborn`: profile 24 of the Paderborn motor through `heatrun calibrate "
         "--model second --quick`; the sink is the coolant. *Body*: the one that is fitted as the "
         "stator node, with gain, offset and lag of its sensor; the others are held against that "
-        "node. Winding, tooth, yoke, magnet: RMSE of their readings.",
+        "node. Winding, tooth, yoke, magnet: RMSE of their readings. *Certified*: page 1 does not "
+        "say *not to be used*, and the parameter is identified; such intervals are in bold.",
         "",
-        f"| part | body | {' | '.join(PARAMETERS)} | winding | tooth | yoke | magnet | noise, heat "
-        "| warnings |",
-        f"|---|---|{'---|' * len(PARAMETERS)}---|---|---|---|---|---|",
+        f"| part | body | page 1 | effects in the model | {' | '.join(PARAMETERS)} | winding "
+        "| tooth | yoke | magnet | noise, heat | warnings |",
+        f"|---|---|---|---|{'---|' * len(PARAMETERS)}---|---|---|---|---|---|",
     ]
     for (part, body), run in runs.items():
         model = run.result.models["second"]
         intervals = [
-            " … ".join(f"{limit:.3g}" for limit in model.parameters[name].interval_95)
+            ("**{}**" if is_certified(run, name) else "{}").format(
+                " … ".join(f"{limit:.3g}" for limit in model.parameters[name].interval_95)
+            )
             for name in PARAMETERS
         ]
-        lines.append(f"| {part} | {body} | {' | '.join(intervals)} | {_errors(run, 'second')} |")
-    heads = "| parameter | pairs whose intervals overlap | disjoint pairs without a warning |"
+        has = ", ".join(effect.id for effect in model.effects) or "–"
+        lines.append(f"| {part} | {body} | {headline(run.result).use} | {has} | "
+                     f"{' | '.join(intervals)} | {_errors(run, 'second')} |")  # fmt: skip
+    heads = "| parameter | pairs whose intervals overlap | pairs that are certified and disjoint |"
     lines += ["", heads, "|---|---|---|"]
     for name in PARAMETERS:
         pairs = list(combinations(runs, 2))
         apart = [pair for pair in pairs if not overlap(*(_interval(runs[k], name) for k in pair))]
-        quiet = [pair for pair in apart if not all(warnings(runs[key]) for key in pair)]
-        lines.append(f"| {name} | {len(pairs) - len(apart)} of {len(pairs)} | {len(quiet)} |")
+        both = [pair for pair in pairs if all(is_certified(runs[key], name) for key in pair)]
+        wrong = ", ".join(
+            " and ".join(" ".join(key) for key in pair) for pair in both if pair in apart
+        )
+        lines.append(f"| {name} | {len(pairs) - len(apart)} of {len(pairs)} | "
+                     f"{sum(pair in apart for pair in both)} of {len(both)}"
+                     f"{f': {wrong}' if wrong else ''} |")  # fmt: skip
     lines += [
         "",
         "The whole record, tooth and yoke fitted as nodes of their own:",
@@ -174,6 +185,12 @@ def table(runs: dict[tuple[str, str], heatrun.Run], larger: dict[str, heatrun.Ru
             f"| {model.title} | {model.evidence.log_evidence:.0f} | {_errors(run, network)} |"
         )
     return "\n".join([*lines, ""])
+
+
+def is_certified(run: heatrun.Run, name: str) -> bool:
+    """Return whether page 1 may be used, and a parameter on it is identified."""
+    entry = run.result.models["second"].parameters[name]
+    return headline(run.result).use != "not usable" and entry.identifiability == "identified"
 
 
 def _errors(run: heatrun.Run, network: str) -> str:
