@@ -8,6 +8,7 @@ from contextlib import AbstractContextManager
 from typing import Any, TypeVar
 
 import panel as pn
+from tornado.ioloop import IOLoop
 
 T = TypeVar("T")
 
@@ -69,8 +70,12 @@ def in_background(work: Callable[[], T], show: Callable[[T], None]) -> None:
         else:
             pn.state.onload(lambda: in_time(act))
 
+    loop = IOLoop.current()
+
     def run() -> None:
         found = work()
-        in_time(lambda: when_built(lambda: show(found)))
+        # not from this thread: Bokeh keeps one list of current documents for all threads, and the
+        # page of another tab would take this one's for its own
+        loop.add_callback(in_time, lambda: when_built(lambda: show(found)))
 
     threading.Thread(target=run, daemon=True, name="heatrun reader").start()

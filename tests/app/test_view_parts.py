@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import json
 import os
+import threading
 import time
 from dataclasses import replace
 from html import escape
@@ -13,11 +15,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from bokeh.document import Document
+from panel.io.state import set_curdoc
 
 from heatrun.errors import InputError
 from heatrun.results import DiscoveryResult, FitResult, from_json
 from heatrun.runs.run import open_run
 from heatrun.runs.verdict import favoured, restrictions
+from heatrun_view.background import in_background
 from heatrun_view.look import LIGHT
 from heatrun_view.running_jobs import JobQueue
 from heatrun_view.runs import last_motor, runs_under
@@ -318,3 +323,25 @@ def test_a_cancelled_command_ends_and_the_next_one_runs_once_for_two_tabs(folder
     assert first.output["findings"]
     assert _over(other).state == "failed"
     assert "cannot be opened" in other.output["error"]["problem"]
+
+
+def test_a_thread_beside_the_page_does_not_touch_its_document(monkeypatch):
+    """Bokeh's current document is one for all threads: that of another tab would change."""
+    asked, shown, document = [], [], Document()
+
+    def next_tick(_, act):
+        asked.append(threading.current_thread())
+        act()
+
+    async def page():
+        with set_curdoc(document):
+            in_background(lambda: threading.current_thread().name, shown.append)
+        for _ in range(500):
+            if shown:
+                return
+            await asyncio.sleep(0.01)
+
+    monkeypatch.setattr(Document, "add_next_tick_callback", next_tick)
+    asyncio.run(page())
+    assert shown == ["heatrun reader"]
+    assert asked == [threading.main_thread()]
