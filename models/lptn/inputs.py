@@ -176,7 +176,8 @@ class Drive(eqx.Module):
             rated_current: As in `Inputs`.
         """
 
-        def number(value: Any) -> Any:  # of NumPy where it is known: eager JAX would compile each step
+        def number(value: Any) -> Any:
+            """Keep what NumPy knows in NumPy: eager JAX would compile each step with it."""
             if value is None or isinstance(value, jax.Array):
                 return value
             return np.asarray(value, dtype=float)
