@@ -178,10 +178,6 @@ def _cell(row: Permitted) -> str:
     return f"{median} ({rounded(low, 4)} … {rounded(high, 4)}){star}"
 
 
-COLOURS = ("#222222", "#0072B2", "#009E73", "#D55E00")
-"""Okabe and Ito's palette, which colour-blind readers can tell apart."""
-
-
 def figure(found: RatingMap, machine: str, rated_A: float | None) -> bytes:
     """Return the map as PNG: a line for each duty with its 95 % interval.
 
@@ -192,11 +188,14 @@ def figure(found: RatingMap, machine: str, rated_A: float | None) -> bytes:
     """
     from matplotlib.figure import Figure
 
+    from ..reports.figures import COLOURS, NODES
+
+    colours = (COLOURS["measured"], COLOURS["second"], NODES[0], COLOURS["first"])
     drawn = Figure(figsize=(7.2, 4.4), layout="constrained")
     axis = drawn.add_subplot()
     duties = list(dict.fromkeys(row.duty for row in found.rows))
     has_beyond = False
-    for duty, colour in zip(duties, COLOURS, strict=True):
+    for duty, colour in zip(duties, colours, strict=True):
         rows = [r for r in found.rows if r.duty == duty and not known(r.current.refused)]
         if not rows:
             continue

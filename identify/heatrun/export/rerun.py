@@ -137,19 +137,12 @@ def of_record(
                       predicted=predicted)  # fmt: skip
 
 
-def of_no_test(found: RunAndTest, network: str | None = None) -> RunAndTest:
-    """Return a test as the run predicts any other, where its tests ask for different parameters.
-
-    Args:
-        found: From `read_run_test`.
-        network: Name of the network; None for the last one of the run.
+def of_no_test(found: RunAndTest) -> RunAndTest:
+    """Return a test from `read_run_test` with the values of any other, where the tests of the run
+    ask for different parameters.
     """
     shared = {n: v for n, v in found.values.items() if not n.endswith(change_name(""))}
-    if len(shared) == len(found.values):
-        return found
-    run, other = open_run(found.run), replace(found.record, name=f"not {found.record.name}")
-    new = of_record(run, other, found.motor, network, is_held_out=True)
-    return replace(found, values=shared, predicted=new.predicted)
+    return found if len(shared) == len(found.values) else replace(found, values=shared)
 
 
 def as_replica(

@@ -128,7 +128,7 @@ def read_source(
         refuse_lawless(effects_of(run, network), str(run))
     is_replica = bool(lacking_laws(effects_of(run, network)))
     opened = open_run(run)
-    whole = of_no_test(read_run_test(run, test=test, network=network), network)
+    whole = of_no_test(read_run_test(run, test=test, network=network))
     found, bias = as_replica(whole, network, LAWS) if is_replica else (whole, 0.0)
     variables, notes = NETWORK.variables(found)
     corrections = Corrections.of(found.values)
