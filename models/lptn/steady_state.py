@@ -68,12 +68,9 @@ def equilibrium(slope: Callable[[Vector], Vector], sink: Vector) -> Vector:
         slope: Rates [K/s] by temperatures [degC].
         sink: Temperature of the sink for every node [degC], where the search begins.
     """
-
-    def search(first: Vector) -> tuple[Vector, Bool[Array, ""]]:
-        found, is_found = _newton(slope, first)
-        return found, is_found & is_stable(jax.jacfwd(slope)(found))
-
-    (cold, hot), (is_cold, is_hot) = jax.vmap(search)(jnp.stack([sink, sink + HOT_K]))
+    found, is_found = _newton(slope, jnp.stack([sink, sink + HOT_K]))
+    is_found &= jax.vmap(lambda rest: is_stable(jax.jacfwd(slope)(rest)))(found)
+    (cold, hot), (is_cold, is_hot) = found, is_found
     return jnp.where(is_cold, cold, jnp.where(is_hot, hot, jnp.nan))
 
 
@@ -122,26 +119,33 @@ def steady_current(
         slope = field(network, losses, scaled, None, effects).slope
         return slope(unknown.at[place].set(copper))
 
-    found, is_found = _newton(residual, at.start.at[place].set(1.0))
+    (found,), (is_found,) = _newton(residual, at.start.at[place].set(1.0)[None])
     found = jnp.where(is_found, found, jnp.nan)
     temperature = at.by_node(found.at[place].set(copper))
     return SteadyCurrent(found[place] * drive.current_squared, temperature)
 
 
-def _newton(residual: Callable[[Vector], Vector], first: Vector) -> tuple[Vector, Bool[Array, ""]]:
-    """Return a zero, and whether it was found."""
+def _newton(
+    residual: Callable[[Vector], Vector], first: Float[Array, "start node"]
+) -> tuple[Float[Array, "start node"], Bool[Array, " start"]]:
+    """Return where each start leads, and whether that is a zero."""
+
+    def step(value: Vector) -> Vector:
+        there, slopes = jax.vmap(
+            lambda way: jax.jvp(residual, (value,), (way,)), out_axes=(None, 1)
+        )(jnp.eye(value.size))
+        return eliminate(slopes, -there[:, None])[:, 0]
 
     def improve(state):
         value, _, count = state
-        step = eliminate(jax.jacfwd(residual)(value), -residual(value)[:, None])[:, 0]
-        after = value + step
-        return after, jnp.max(jnp.abs(step) / (1.0 + jnp.abs(after))), count + 1
+        change = jax.vmap(step)(value)
+        after = value + change
+        return after, jnp.max(jnp.abs(change) / (1.0 + jnp.abs(after)), axis=1), count + 1
 
     def is_moving(state):
         _, size, count = state
-        return (size > TOLERANCE) & (count < MOST_ITERATIONS)  # false for NaN
+        return jnp.any(size > TOLERANCE) & (count < MOST_ITERATIONS)  # false for NaN
 
-    value, size, _ = jax.lax.while_loop(
-        is_moving, improve, (first, jnp.asarray(jnp.inf), jnp.asarray(0))
-    )
-    return value, jnp.asarray(size) <= TOLERANCE
+    sizes = jnp.full(first.shape[:1], jnp.inf)
+    value, size, _ = jax.lax.while_loop(is_moving, improve, (first, sizes, jnp.asarray(0)))
+    return value, size <= TOLERANCE

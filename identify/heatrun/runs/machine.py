@@ -11,9 +11,9 @@ One figure from its draws: value, interval and the condition it holds under, or 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -22,12 +22,13 @@ from jaxtyping import Array, Float
 
 from lptn import CopperLosses, Drive, Network, heat_input, steady_current, steady_state, time_to
 from lptn.effects import AbstractEffect
+from lptn.steady_state import SteadyCurrent
 
 from ..io.programs import compiled
 from ..io.quantities import rounded
 from ..model.bodies import corrected_losses
 from ..model.draws import PlausibleEffects, of_network
-from ..model.model import Model
+from ..model.model import Model, Values
 from ..record.blocks import Blocks
 from ..results.model import DerivedFigure, TestedLoad
 from ..results.values import known
@@ -267,45 +268,59 @@ def machines(
         rated: Squared rated current over that of the loaded part [1]; 1 where none is given.
         permitted: Temperature that the permitted rise leads to [degC]; NaN for none.
     """
+    num = len(next(iter(values.values())))
+    other = jax.vmap(lambda values: under_load(model, values, loaded, winding).drive.losses)(values)
 
-    def one(values: dict[str, Float[Array, ""]]) -> Machine:
-        at = under_load(model, values, loaded, winding)
-        network, drive, effects = at.network, at.drive, at.effects
-        # both at once: it is the search for them that takes long to compile
-        both = jax.vmap(
-            lambda scale: steady_state(
-                network, at.losses, drive.scale_current(scale), effects=effects
-            )
-        )(jnp.stack([jnp.ones_like(rated), rated]))
-        rest, under_rated = ({node: T[place] for node, T in both.items()} for place in (0, 1))
-        top = steady_current(network, at.losses, drive, limit, effects=effects)
-        by_rise = steady_current(network, at.losses, drive, permitted, effects=effects)
-        sink, copper = drive.ambient, network.copper_node
-        top_rise = under_rated[copper] - sink
+    def of_two(function: Callable[..., Any], firsts: tuple, seconds: tuple) -> tuple[Any, Any]:
+        """Return what a function of a machine gives with the first and with the second arguments.
 
-        def time_from(share: Float[Array, ""]) -> Float[Array, ""]:
-            start = {
-                # where the copper runs away, the warm start is on the way to the limit
-                node: sink + share * (jnp.where(jnp.isfinite(T), T, top.temperature[node]) - sink)
-                for node, T in rest.items()
-            }
-            return time_to(
-                network, at.losses, drive, start, node=copper, limit=limit, effects=effects,
-                steady=rest,
-            )  # fmt: skip
+        In one map over both: each map more around a loop has its body traced twice more.
+        """
 
-        cold_s, warm_s = jax.vmap(time_from)(jnp.asarray([0.0, WARM]))
-        return Machine(
-            other=drive.losses,
-            copper_slope=at.losses.slope(jnp.asarray(1.0)),
-            rise=jnp.where(jnp.isfinite(top_rise), top_rise, jnp.inf),
-            limit_squared=top.squared,
-            cold_s=cold_s,
-            warm_s=warm_s,
-            permitted_squared=by_rise.squared,
-        )
+        def lanes(*two: Any) -> Array:
+            return jnp.concatenate([jnp.broadcast_to(part, num) for part in two])
 
-    return jax.vmap(one)(values)
+        def one(values: Values, other: Array, *given: Any) -> Any:
+            return function(under_load(model, values, loaded, winding, other), *given)
+
+        given = jax.tree.map(lanes, (values, other, *firsts), (values, other, *seconds))
+        found = jax.vmap(one)(*given)
+        pairs = jax.tree.map(lambda rows: rows.reshape(2, num), found)
+        return jax.tree.map(lambda rows: rows[0], pairs), jax.tree.map(lambda rows: rows[1], pairs)
+
+    def at_rest(at: UnderLoad, scale: Array) -> tuple[dict[str, Array], Array]:
+        drive = at.drive.scale_current(scale)
+        rest = steady_state(at.network, at.losses, drive, effects=at.effects)
+        return rest, rest[at.network.copper_node] - drive.ambient
+
+    def held(at: UnderLoad, copper: Array) -> SteadyCurrent:
+        return steady_current(at.network, at.losses, at.drive, copper, effects=at.effects)
+
+    def time_from(at: UnderLoad, share: Array, rest: Any, top: Any) -> Array:
+        sink = at.drive.ambient
+        start = {
+            # where the copper runs away, the warm start is on the way to the limit
+            node: sink + share * (jnp.where(jnp.isfinite(T), T, top[node]) - sink)
+            for node, T in rest.items()
+        }
+        return time_to(
+            at.network, at.losses, at.drive, start, node=at.network.copper_node, limit=limit,
+            effects=at.effects, steady=rest,
+        )  # fmt: skip
+
+    (rest, _), (_, top_rise) = of_two(at_rest, (1.0,), (rated,))
+    top, by_rise = of_two(held, (limit,), (permitted,))
+    known_of = rest, top.temperature
+    cold_s, warm_s = of_two(time_from, (0.0, *known_of), (WARM, *known_of))
+    return Machine(
+        other=other,
+        copper_slope=jax.vmap(lambda values: model.losses(values).slope(jnp.asarray(1.0)))(values),
+        rise=jnp.where(jnp.isfinite(top_rise), top_rise, jnp.inf),
+        limit_squared=top.squared,
+        cold_s=cold_s,
+        warm_s=warm_s,
+        permitted_squared=by_rise.squared,
+    )
 
 
 class UnderLoad(NamedTuple):
@@ -326,9 +341,10 @@ class UnderLoad(NamedTuple):
 
 def under_load(
     model: Model,
-    values: dict[str, Float[Array, ""]],
+    values: Values,
     loaded: Drive,
     winding: Float[Array, ""],
+    other: Float[Array, ""] | None = None,
 ) -> UnderLoad:
     """Return the machine of one draw, with the other losses held at what they were in the tests.
 
@@ -337,10 +353,12 @@ def under_load(
         values: Parameters by name [their units].
         loaded: The loaded part of the tests.
         winding: Mean reading of the loaded part [degC].
+        other: The other losses [W], where they are known by now.
     """
     network, losses = model.network(values), model.losses(values)
     effects = model.built_effects(values)
-    other = other_losses(network, losses, loaded, winding, effects)
+    if other is None:
+        other = other_losses(network, losses, loaded, winding, effects)
     return UnderLoad(network, fixed_losses(losses), replace(loaded, losses=other), effects)
 
 
