@@ -84,7 +84,7 @@ GROWTH = 0.05
 SHORTEST = 0.02
 """First step in terms of the fastest node's time [1]."""
 
-LONGEST = 0.5
+LONGEST = 1.0
 """Longest step in terms of the fastest node's time [1]; the method is stable up to 2.5."""
 
 NEAR = 0.1
