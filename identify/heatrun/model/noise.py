@@ -302,19 +302,16 @@ def _eliminated(
         num: Number of columns of W; they come first.
     """
 
-    def take(carry, _):
+    def take(place, carry):
         rest, half_log_det = carry
-        pivot = rest[0, 0]
-        rest = rest - jnp.outer(rest[:, 0], rest[0] / pivot)
-        # the next column comes to the front
-        return (jnp.roll(rest, (-1, -1), (0, 1)), half_log_det + 0.5 * jnp.log(pivot)), None
+        row = rest[place]
+        pivot = row[place]
+        return rest - jnp.outer(row, row / pivot), half_log_det + 0.5 * jnp.log(pivot)
 
     ones = jnp.arange(products.shape[0]) < num
-    (rest, half_log_det), _ = jax.lax.scan(
-        take, (products + jnp.diag(ones.astype(float)), jnp.zeros(())), length=num
-    )
-    size = products.shape[0] - num
-    return rest[:size, :size], half_log_det
+    start = products + jnp.diag(ones.astype(float)), jnp.zeros(())
+    rest, half_log_det = jax.lax.fori_loop(0, num, take, start)
+    return rest[num:, num:], half_log_det
 
 
 def draw(
