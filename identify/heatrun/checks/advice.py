@@ -9,7 +9,6 @@ import numpy as np
 
 from ..io.toml_text import table_header
 from ..record.record import Record
-from ..record.stretch import parse_stretch
 from ..record.stretch import windows as stretches
 
 MOST_WINDOWS = 8
@@ -26,26 +25,17 @@ def use_line(record: Record, *windows: tuple[float, float]) -> str:
 
     A part that stands in rows of its test, for a clock that was set back, is cut in rows.
     """
-    first, key = _first_row(record), "use"
-    if first:
-        key = "use_rows"
+    key = "use_rows" if record.first_row else "use"
+    if record.first_row:
         time_s = record.time_s
         at = [np.flatnonzero((time_s >= low) & (time_s <= high)) for low, high in windows]
-        pairs = [f"[{first + rows[0]}, {first + rows[-1]}]" for rows in at if rows.size]
+        ends = [record.first_row + rows[[0, -1]] for rows in at if rows.size]
+        pairs = [f"[{first}, {last}]" for first, last in ends]
     else:
         pairs = [f"[{low:.3f}, {high:.3f}]" for low, high in windows]
     pairs += ["…"] if record.part_of else []
     others = " (… the other parts)" if record.part_of else ""
     return f"{section_of(record)} {key} = [{', '.join(pairs)}] in the motor file{others}"
-
-
-def _first_row(record: Record) -> int:
-    """Return the row of its test that a part in rows begins with, 0 for other records."""
-    if not record.stretch:
-        return 0
-    start, _, end = record.stretch.partition("..")
-    stretch = parse_stretch(start, end, record.name)
-    return int(stretch.start) if stretch.in_rows else 0
 
 
 def mask_line(record: Record, windows: Sequence[tuple[float, float]]) -> str:
@@ -55,7 +45,7 @@ def mask_line(record: Record, windows: Sequence[tuple[float, float]]) -> str:
     Windows are first and last times [s] in order; those that are left out already come with them.
     """
     time_s = record.time_s[np.isfinite(record.time_s)]
-    if _first_row(record):  # its times stand in other parts too
+    if record.first_row:  # its times stand in other parts too
         is_left = np.any([(time_s >= low) & (time_s <= high) for low, high in windows], axis=0)
         return use_line(record, *stretches(time_s, ~is_left))
     first, last = windows[0]

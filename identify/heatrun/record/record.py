@@ -99,6 +99,7 @@ class Record:
         start: Day on which it began, ISO 8601; empty where the file does not say it.
         start_from: What of the file says so: `"clock of the record"` or `"header of the file"`.
         stretch: The part of the files that this is, as it is written behind a file; empty for all.
+        first_row: Row that it begins with, where it was cut by rows; 0 where it was not.
         part_of: Name of the test that this is one of several parts of; empty for a test as a whole.
         decided: Channels whose unit the motor file itself gives; a line that repeats the heading of
             a column, as `heatrun init` writes it, decides nothing.
@@ -116,6 +117,7 @@ class Record:
     start: str = ""
     start_from: str = ""
     stretch: str = ""
+    first_row: int = 0
     part_of: str = ""
     masks: tuple[tuple[float, float], ...] = ()
     decided: frozenset[str] = frozenset()

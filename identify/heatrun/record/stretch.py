@@ -160,7 +160,8 @@ def cut(record: Record, stretch: Stretch, said_by: str) -> Record:
     channels = {name: values[kept] for name, values in record.channels.items()}
     note = f"of {kept.size} samples the {int(kept.sum())} of {stretch} are used: {said_by}"
     return replace(
-        record, channels=channels, notes=(*record.notes, note), stretch=str(stretch)
+        record, channels=channels, notes=(*record.notes, note), stretch=str(stretch),
+        first_row=int(stretch.start) if stretch.in_rows else 0,
     )  # fmt: skip
 
 
