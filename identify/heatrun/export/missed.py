@@ -100,6 +100,7 @@ class Missed:
             errors[name] = math.hypot(errors.get(name, 0.0), left)
         losses, rest = of_losses(errors, found.blocks)
         heat = math.hypot(heat, rest, _moved_copper(priors, found))
+        share = max(share, _at_rest(model, losses))
         sink_K = max(sink_K, ours.sd if ours else 0.0)
         resolution_K = max(each.resolution_K for each in found.blocks.loggers)
         return cls(heat, said.heat_time_s, slow, noise.time_s, noise.white_K,
@@ -126,6 +127,21 @@ def _for_given_losses(run: Run, network: str | None, test: Blocks) -> Prediction
         if slot.parameter.name in POWER:
             vectors[:, place] = np.median(vectors[:, place])
     return predict(replace(draws, vectors=vectors), test)
+
+
+def _at_rest(model: FittedModel, losses: float) -> float:
+    """Return the standard deviation of the steady rise over the rise, for losses that are given
+    [1]; 0 where the run has none.
+
+    The readings of their own test hold the draws together; at rest these lie farther apart.
+
+    Args:
+        model: The network.
+        losses: Standard deviation of the losses, which the run's rise has in it, over these [1].
+    """
+    rest = model.derived.get("steady_rise_K")
+    value, sd = (None, None) if rest is None else (known(rest.value), known(rest.sd))
+    return math.sqrt(max(0.0, (sd / value) ** 2 - losses**2)) if value and sd else 0.0
 
 
 def _moved_copper(priors: Mapping[str, Parameter], found: RunAndTest) -> float:
