@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -20,7 +21,7 @@ from heatrun import cli
 from heatrun.errors import InputError, UsageError
 from heatrun.export import export_ratings
 from heatrun.io.texts import Texts
-from heatrun.model.draws import PlausibleEffect, PlausibleEffects
+from heatrun.model.draws import Draws, PlausibleEffect, PlausibleEffects
 from heatrun.model.model import Model
 from heatrun.model.problem import Problem
 from heatrun.record.blocks import Blocks
@@ -87,7 +88,8 @@ def posterior(order, machine, values, effects=(), tests=None):
     for position, slot in enumerate(problem.parameters.slots):
         if slot.parameter.name in values:
             z[:, position] = slot.parameter.score(values[slot.parameter.name])
-    return SimpleNamespace(fit=SimpleNamespace(problem=problem), flat=z, plausible=None)
+    drawn = Draws(problem.model, machine, problem.parameters, z)
+    return SimpleNamespace(fit=SimpleNamespace(problem=problem), draws=drawn)
 
 
 @pytest.fixture(scope="module")

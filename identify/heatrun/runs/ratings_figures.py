@@ -30,6 +30,7 @@ from lptn import (
 
 from ..io.programs import compiled
 from ..io.quantities import rounded
+from ..model.draws import PlausibleEffects
 from ..model.model import Model
 from ..posterior.posterior import Posterior
 from ..results.model import AT_REST, LOADED, DerivedFigure
@@ -136,22 +137,21 @@ SAME = 1e-3
 """Relative difference up to which a resistance at conditions is the parameter itself [1]."""
 
 
-def at_conditions(posterior: Posterior) -> dict[str, DerivedFigure]:
+def at_conditions(
+    behind: Behind, seen: Tested, plausible: PlausibleEffects | None
+) -> dict[str, DerivedFigure]:
     """Return the resistances that effects change, at the mean load of the tests and at rest.
 
     At rest they stand for the same temperatures. What an effect that the network may miss would
     change is in the interval, not in the value.
 
     Args:
-        posterior: Draws, of any network with any effects.
+        behind: The network with all effects behind the draws.
+        seen: The load.
+        plausible: The effects that the network may miss; None for none.
     """
-    problem = posterior.fit.problem
-    if not problem.model.effects:
-        return {}
-    behind = with_effects(posterior, alone(posterior))
-    seen = tested([test.winding for test in problem.tests])
     return {
-        f"{name}{ending}": figure(draws, "K/W", words, posterior.plausible)
+        f"{name}{ending}": figure(draws, "K/W", words, plausible)
         for name, at in resistances(behind, seen).items()
         if not _is_same(at[LOADED][0], behind.values[name])
         for ending, (draws, words) in at.items()
@@ -239,8 +239,9 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
     problem = posterior.fit.problem
     seen = tested([test.winding for test in problem.tests])
     limit, rise = limits_of(problem.motor, seen.sink_degC)
-    base = alone(posterior)
-    behind = with_effects(posterior, base)
+    draws = posterior.draws
+    base = alone(draws)
+    behind = with_effects(draws, base, seen)
     winding = np.asarray(seen.loaded_winding_degC)
     degC = np.asarray(np.nan if limit is None else limit.degC)
     network = rates(base.model, base.values, seen.loaded, winding)
@@ -257,7 +258,7 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
         second_sink=base.model.form.second_sink,
     )
     is_fed = bool(np.any(np.asarray(drawn.copper_slope)))
-    figures = at_conditions(posterior)
+    figures = at_conditions(behind, seen, draws.plausible) if base.model.effects else {}
     figures |= _time_constants(network, is_fed, times, seen.amperes, around())
     surroundings = around(likely=behind.likely)
     heated = (
