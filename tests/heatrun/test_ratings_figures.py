@@ -465,7 +465,7 @@ def behind(effects, which, size=1.0):
     """The draws at `TRUE`, with one effect of some behind each, or none."""
     drawn = posterior("second", motor(), TRUE)
     sizes = size * (np.broadcast_to(which, NUM)[:, None] == np.arange(len(effects)))
-    drawn.plausible = PlausibleEffects(tuple(effects), sizes)
+    drawn.draws = replace(drawn.draws, plausible=PlausibleEffects(tuple(effects), sizes))
     return drawn
 
 
@@ -671,6 +671,16 @@ def test_the_map_has_the_losses_of_each_speed(two_speeds, tmp_path):
     assert "other losses alone lead to 126 °C" in by[7000, "S1"].refused
     assert said["ratings"]["limit"] == "class F, permitted rise 105 K"
     assert json.loads((tmp_path / "map" / "ratings.json").read_text())["tested_rpm"] == [2000, 4000]
+    for language, words in (("de", "zwischen Prüfungen interpoliert"), ("it", "tra le prove")):
+        out = ["--out", str(tmp_path / language), "--speeds", str(tmp_path / "speeds.csv")]
+        command = ["export", str(two_speeds), "--to", "ratings", "--language", language, *out]
+        assert cli.main(command) == 0
+        other = pd.read_csv(tmp_path / language / "ratings.csv", comment="#")
+        assert words in other.other_losses_from[4]
+        numbers = ["speed_rpm", "current_A", "low_95_A", "high_95_A"]
+        pd.testing.assert_frame_equal(other[numbers], table[numbers])
+        said = " ".join(other[["condition", "refused", "other_losses_from"]].fillna("").sum())
+        assert not re.search(r"\b(sink|losses|tested|rise|other|from|current|class|at)\b", said)
 
 
 @pytest.mark.parametrize(

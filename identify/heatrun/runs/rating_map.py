@@ -224,7 +224,7 @@ def _from(rpm: float, given: float | None, tested: np.ndarray) -> str:
     if given is not None:
         return "given"
     if np.min(np.abs(tested - rpm)) <= SAME_SPEED * rpm:
-        return "tests"
+        return "of the tests"
     return "as at the lowest tested speed" if rpm < tested[0] else "interpolated between tests"
 
 
