@@ -30,6 +30,7 @@ from heatrun.reports.of_run import rewrite_sheet, write_sheet
 from heatrun.reports.pdf import FLATTEST
 from heatrun.reports.worksheet import WorksheetConstants, fill_worksheet
 from heatrun.results import to_json
+from heatrun.results.budget import combined
 from heatrun.runs.run import certificate_of, open_run
 from heatrun.runs.run_folder import RunFolder
 from heatrun.runs.write import write_run
@@ -110,6 +111,24 @@ def test_the_workbook_holds_the_derived_figures(folder, found):
     assert not by_name
 
 
+def test_the_workbook_holds_the_budgets(folder, found):
+    (model,) = found.result.models.values()
+    rows = [*openpyxl.load_workbook(folder / "sheet.xlsx", data_only=True)["Budget"].values]
+    entries = [entry for entry in model.parameters.values() if not entry.fixed]
+    assert len(json.loads((folder / "sheet.json").read_text())["budget"]) == len(entries)
+    for entry in entries:
+        title, _, *own = rows[: len(entry.budget) + 4]
+        rows = rows[len(entry.budget) + 5 :]
+        assert entry.meaning in title[0]
+        for row, said in zip(own, entry.budget, strict=False):
+            assert row[:2] == (said.source, said.type)
+            assert row[5:] == pytest.approx((said.contribution, said.share))
+        total, by_draws = own[-2:]
+        assert total[5] == pytest.approx(combined(entry.budget))
+        assert by_draws[5] == pytest.approx(entry.sd)
+    assert not rows
+
+
 def test_the_workbook_draws_the_course_from_its_cells(folder):
     book = openpyxl.load_workbook(folder / "sheet.xlsx")
     sheet = book["Course 1"]
@@ -129,7 +148,7 @@ def test_names_are_no_formulas_in_the_workbook(folder):
         for row in sheet.iter_rows():
             for cell in row:
                 if cell.data_type == "f":
-                    assert sheet.title in ("Worksheet", "Course 1")
+                    assert sheet.title in ("Worksheet", "Course 1", "Budget")
                     assert "HYPERLINK" not in cell.value
     assert book["Parameters"]["A1"].value.startswith("=HYPERLINK")
     assert book["Parameters"]["A1"].data_type == "s"

@@ -35,6 +35,7 @@ from ..model.model import Model
 from ..posterior.posterior import Posterior
 from ..results.model import AT_REST, LOADED, DerivedFigure
 from .behind import Behind, alone, with_effects
+from .budget import Budget
 from .duties import (
     PATTERN,
     Rated,
@@ -138,7 +139,7 @@ SAME = 1e-3
 
 
 def at_conditions(
-    behind: Behind, seen: Tested, plausible: PlausibleEffects | None
+    behind: Behind, seen: Tested, plausible: PlausibleEffects | None, budget: Budget | None = None
 ) -> dict[str, DerivedFigure]:
     """Return the resistances that effects change, at the mean load of the tests and at rest.
 
@@ -149,13 +150,18 @@ def at_conditions(
         behind: The network with all effects behind the draws.
         seen: The load.
         plausible: The effects that the network may miss; None for none.
+        budget: Gives the budget of draws; None for none.
     """
-    return {
-        f"{name}{ending}": figure(draws, "K/W", words, plausible)
-        for name, at in resistances(behind, seen).items()
-        if not _is_same(at[LOADED][0], behind.values[name])
-        for ending, (draws, words) in at.items()
-    }
+    figures = {}
+    for name, at in resistances(behind, seen).items():
+        if _is_same(at[LOADED][0], behind.values[name]):
+            continue
+        for ending, (draws, words) in at.items():
+            entry = figure(draws, "K/W", words, plausible)
+            if budget is not None and np.all(np.isfinite(draws)):
+                entry = replace(entry, budget=budget(draws))
+            figures[f"{name}{ending}"] = entry
+    return figures
 
 
 def _is_same(one: Array | np.ndarray, other: Array | np.ndarray) -> bool:
@@ -226,12 +232,15 @@ def _condition(
     return ", ".join([*parts, f"sink {seen.sink_degC:.0f} °C"])
 
 
-def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, DerivedFigure]:
+def derive(
+    posterior: Posterior, duties: Sequence[str] = (), budget: Budget | None = None
+) -> dict[str, DerivedFigure]:
     """Return the derived figures by name, as they stand in `fit.json`.
 
     Args:
         posterior: Draws, of any network with any effects.
         duties: Ratings asked for, such as `"S2-30"` and `"S3-40"`, as `parse_duty`.
+        budget: From `budget_of`, of the resistances at stated conditions; None for none.
 
     Raises:
         UsageError: If a rating is none of these.
@@ -258,7 +267,9 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
         second_sink=base.model.form.second_sink,
     )
     is_fed = bool(np.any(np.asarray(drawn.copper_slope)))
-    figures = at_conditions(behind, seen, draws.plausible) if base.model.effects else {}
+    figures = {}
+    if base.model.effects:
+        figures = at_conditions(behind, seen, draws.plausible, budget)
     figures |= _time_constants(network, is_fed, times, seen.amperes, around())
     surroundings = around(likely=behind.likely)
     heated = (

@@ -96,9 +96,9 @@ def budget_cells(result: ShutdownResult) -> list[tuple[str, str, str, str, str]]
         sd, slope = row.standard_uncertainty, row.sensitivity
         u = "" if sd is None else f"{sd:.2g} {row.unit.removeprefix('1')}".rstrip()
         c = "" if slope is None else f"{slope:.3g}"
-        rows.append((row.source, u, c, f"{row.contribution_K:.3f}", f"{100 * row.share:.1f} %"))
+        rows.append((row.source, u, c, f"{row.contribution:.3f}", f"{100 * row.share:.1f} %"))
     if rest:
-        part = math.hypot(*(row.contribution_K for row in rest))
+        part = math.hypot(*(row.contribution for row in rest))
         share = f"{100 * sum(row.share for row in rest):.1f} %"
         rows.append((f"{len(rest)} others", "", "", f"{part:.3f}", share))
     return rows
