@@ -27,7 +27,7 @@ from heatrun.results import FitResult
 from heatrun.results.budget import Part, budget, combined
 from heatrun.results.json_text import from_json
 from heatrun.runs.budget import HEAT, NOISE, SMALL_EFFECTS, UNDECIDED, budget_of
-from heatrun.runs.result import _widened, describe_model
+from heatrun.runs.result import describe_model
 from lptn.effects import EFFECTS
 
 NAMES = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
@@ -143,10 +143,11 @@ def test_sheet_and_certificate_state_it(described):
     assert "J/K per 1 K; type A; share of the variance" in noise
 
 
-def test_a_widened_parameter_says_what_by(described):
+def test_a_widened_parameter_says_what_by(posterior, described):
     entry = described.parameters["Req_w"]
     low, high = entry.interval_95
-    wide = _widened(entry, (low - 4.0 * entry.sd, high + 4.0 * entry.sd))
+    wider = {"Req_w": (low - 4.0 * entry.sd, high + 4.0 * entry.sd)}
+    wide = describe_model(posterior, [], [], undecided=wider).parameters["Req_w"]
     row = row_of(wide.budget, UNDECIDED)
     assert row.contribution == pytest.approx(np.sqrt(wide.sd**2 - entry.sd**2))
     assert combined(wide.budget) == pytest.approx(wide.sd, rel=0.06)

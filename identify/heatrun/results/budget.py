@@ -87,16 +87,6 @@ def budget(parts: Iterable[Part]) -> tuple[BudgetRow, ...]:
     return tuple(sorted(rows, key=lambda row: -row.share))
 
 
-def joined(rows: Iterable[BudgetRow], more: Part) -> tuple[BudgetRow, ...]:
-    """Return a budget with one source more."""
-    parts = [
-        Part(row.source, row.type, math.copysign(row.contribution, row.sensitivity or 1.0),
-             row.standard_uncertainty, row.unit)
-        for row in rows
-    ]  # fmt: skip
-    return budget([*parts, more])
-
-
 def combined(rows: Iterable[BudgetRow]) -> float:
     """Return the standard uncertainty to first order, the root of the sum of a budget."""
     return math.hypot(*(row.contribution for row in rows))

@@ -21,7 +21,8 @@ from ..model.parameters import Slot
 from ..posterior.posterior import Posterior
 from ..results.budget import BudgetRow, Part, budget
 
-Budget = Callable[[Float[np.ndarray, " draw"]], tuple[BudgetRow, ...]]
+Budget = Callable[..., tuple[BudgetRow, ...]]
+"""Gives the budget of a figure from its draws, shape (draw,), and from further parts."""
 
 OF_ROLE = {
     "network": "priors of capacities and resistances",
@@ -61,10 +62,10 @@ def budget_of(posterior: Posterior) -> Budget:
     for place, slot in enumerate(fit.slots):
         sources.setdefault(_source(slot), []).append(place)
 
-    def of(draws: Float[np.ndarray, " draw"]) -> tuple[BudgetRow, ...]:
+    def of(draws: Float[np.ndarray, " draw"], *more: Part) -> tuple[BudgetRow, ...]:
         slopes = np.linalg.lstsq(behind, draws - np.mean(draws))[0]
         moved = covariance @ slopes[:size]
-        parts = []
+        parts = [*more]
         for name, places in sources.items():
             if len(places) > 1:
                 parts.append(Part(name, "B", float(np.linalg.norm(moved[places]))))

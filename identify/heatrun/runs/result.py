@@ -27,7 +27,7 @@ from ..record.blocks import Blocks
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.samples import is_loaded, samples, with_all_heat
-from ..results.budget import Part, joined
+from ..results.budget import Part
 from ..results.model import (
     FIT_FORMAT,
     BodyRow,
@@ -49,7 +49,7 @@ from ..results.model import (
 )
 from ..results.values import Interval, Role
 from ..version import __version__
-from .budget import UNDECIDED, Budget, budget_of
+from .budget import UNDECIDED, budget_of
 from .equilibrium import SteadyRise, equilibria
 from .machine import tested
 from .ratings_figures import derive
@@ -167,8 +167,13 @@ def describe_model(
 
     longer = part("the forecast of a longer test", lambda: forecast(fit), {})
     budget = part("the uncertainty budget", lambda: budget_of(posterior), None)
-    main, nuisances = _parameters(posterior, longer, budget)
-    main = {name: _widened(entry, undecided.get(name)) for name, entry in main.items()}
+    main, nuisances = _parameters(posterior, longer)
+    draws = posterior.values()
+    for name, entry in main.items():
+        main[name] = wide = _widened(entry, undecided.get(name))
+        if budget is not None and not entry.fixed:
+            more = Part(UNDECIDED, "B", math.sqrt(wide.sd**2 - entry.sd**2))
+            main[name] = replace(wide, budget=budget(draws[name].ravel(), more))
     of_noise = noise_parameters(model.adequacy)
     return FittedModel(
         title=model.title,
@@ -289,7 +294,7 @@ def assemble(
 
 
 def _parameters(
-    posterior: Posterior, longer: dict[str, float], budget: Budget | None
+    posterior: Posterior, longer: dict[str, float]
 ) -> tuple[dict[str, FittedParameter], dict[str, FittedParameter]]:
     """Return the parameters that a user asks for and the nuisances, free ones first."""
     fit = posterior.fit
@@ -297,12 +302,8 @@ def _parameters(
     main: dict[str, FittedParameter] = {}
     nuisances: dict[str, FittedParameter] = {}
     for position, slot in enumerate(fit.slots):
-        own = draws[slot.name].ravel()
-        entry = _free(posterior, slot, position, own, longer)
-        if slot.parameter.role not in IN_MAIN_TABLE:
-            nuisances[slot.name] = entry
-        else:
-            main[slot.name] = replace(entry, budget=UNSET if budget is None else budget(own))
+        entry = _free(posterior, slot, position, draws[slot.name].ravel(), longer)
+        (main if slot.parameter.role in IN_MAIN_TABLE else nuisances)[slot.name] = entry
     for parameter in fit.problem.parameters.by_test[0].values():
         if parameter.fixed is not None:
             entry = _fixed(parameter, parameter.fixed)
@@ -420,12 +421,8 @@ def _widened(entry: FittedParameter, other: Interval | None) -> FittedParameter:
     if both[1] - both[0] < WIDER * (high - low):
         return entry
     sd = max(entry.sd, 0.25 * (both[1] - both[0]))
-    rows = entry.budget
-    if rows is not UNSET:
-        rows = joined(rows, Part(UNDECIDED, "B", math.sqrt(sd**2 - entry.sd**2)))
     return replace(
         entry,
-        budget=rows,
         interval_95=both,
         sd=sd,
         sd_type_b=float(np.sqrt(max(sd**2 - (entry.sd_type_a or 0.0) ** 2, 0.0))),
