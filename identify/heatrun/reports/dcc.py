@@ -290,9 +290,7 @@ def _condition(parent: Element, name: str, unit: str, low: float, high: float) -
     add_text(held, "name", name)
     data = add(held, "data")
     for word, value in (("smallest", low), ("largest", high)):
-        quantity = add(data, "quantity")
-        add_text(quantity, "name", f"{word} {name}")
-        add_real(quantity, f"{value:.1f}", unit)
+        add_real(add_named(data, f"{word} {name}"), f"{value:.1f}", unit)
 
 
 def add_result(parent: Element, name: str) -> Element:
