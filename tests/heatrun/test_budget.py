@@ -145,6 +145,7 @@ def test_sheet_and_certificate_state_it(described):
 
 def test_a_widened_parameter_says_what_by(posterior, described):
     entry = described.parameters["Req_w"]
+    assert not [row for row in entry.budget if row.source == UNDECIDED]
     low, high = entry.interval_95
     wider = {"Req_w": (low - 4.0 * entry.sd, high + 4.0 * entry.sd)}
     wide = describe_model(posterior, [], [], undecided=wider).parameters["Req_w"]

@@ -49,7 +49,7 @@ from ..results.model import (
 )
 from ..results.values import Interval, Role
 from ..version import __version__
-from .budget import UNDECIDED, budget_of
+from .budget import UNDECIDED, Budget, budget_of
 from .equilibrium import SteadyRise, equilibria
 from .machine import tested
 from .ratings_figures import derive
@@ -168,12 +168,9 @@ def describe_model(
     longer = part("the forecast of a longer test", lambda: forecast(fit), {})
     budget = part("the uncertainty budget", lambda: budget_of(posterior), None)
     main, nuisances = _parameters(posterior, longer)
-    draws = posterior.values()
-    for name, entry in main.items():
-        main[name] = wide = _widened(entry, undecided.get(name))
-        if budget is not None and not entry.fixed:
-            more = Part(UNDECIDED, "B", math.sqrt(wide.sd**2 - entry.sd**2))
-            main[name] = replace(wide, budget=budget(draws[name].ravel(), more))
+    main = {name: _widened(entry, undecided.get(name)) for name, entry in main.items()}
+    if budget is not None:
+        main = part("the uncertainty budget", lambda: _with_budgets(main, posterior, budget), main)
     of_noise = noise_parameters(model.adequacy)
     return FittedModel(
         title=model.title,
@@ -430,6 +427,20 @@ def _widened(entry: FittedParameter, other: Interval | None) -> FittedParameter:
         identifiability="weak" if entry.identifiability == "identified" else entry.identifiability,
         why="it hangs on an effect that these tests do not tell from another.",
     )
+
+
+def _with_budgets(
+    main: Mapping[str, FittedParameter], posterior: Posterior, budget: Budget
+) -> dict[str, FittedParameter]:
+    """Return parameters with where their uncertainty comes from, those of `_widened` too."""
+    found = dict(main)
+    for name, values in posterior.values().items():
+        if name in main:
+            draws = values.ravel()
+            wider = max(main[name].sd ** 2 - float(np.std(draws)) ** 2, 0.0)
+            more = Part(UNDECIDED, "B", math.sqrt(wider))
+            found[name] = replace(main[name], budget=budget(draws, more))
+    return found
 
 
 def _fixed(parameter: Parameter, value: float) -> FittedParameter:
