@@ -668,7 +668,8 @@ def test_the_map_has_the_losses_of_each_speed(two_speeds, tmp_path):
     assert "extrapolated" not in by[4000, "S1"].condition
     assert by[4000, "S2-10"].current_A > 1.2 * CURRENT
     assert by[4000, "S2-10"].condition.endswith("extrapolated, tested up to 110 A")
-    assert "other losses alone lead to 126 °C" in by[7000, "S1"].refused
+    for duty in ("S1", "S2-60", "S2-30"):
+        assert "other losses alone lead to 126 °C" in by[7000, duty].refused
     assert said["ratings"]["limit"] == "class F, permitted rise 105 K"
     assert json.loads((tmp_path / "map" / "ratings.json").read_text())["tested_rpm"] == [2000, 4000]
     for language, words in (("de", "zwischen Prüfungen interpoliert"), ("it", "tra le prove")):
