@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -20,7 +21,7 @@ from heatrun import cli
 from heatrun.errors import InputError, UsageError
 from heatrun.export import export_ratings
 from heatrun.io.texts import Texts
-from heatrun.model.draws import PlausibleEffect, PlausibleEffects
+from heatrun.model.draws import Draws, PlausibleEffect, PlausibleEffects
 from heatrun.model.model import Model
 from heatrun.model.problem import Problem
 from heatrun.record.blocks import Blocks
@@ -87,7 +88,8 @@ def posterior(order, machine, values, effects=(), tests=None):
     for position, slot in enumerate(problem.parameters.slots):
         if slot.parameter.name in values:
             z[:, position] = slot.parameter.score(values[slot.parameter.name])
-    return SimpleNamespace(fit=SimpleNamespace(problem=problem), flat=z, plausible=None)
+    drawn = Draws(problem.model, machine, problem.parameters, z)
+    return SimpleNamespace(fit=SimpleNamespace(problem=problem), draws=drawn)
 
 
 @pytest.fixture(scope="module")
@@ -463,7 +465,7 @@ def behind(effects, which, size=1.0):
     """The draws at `TRUE`, with one effect of some behind each, or none."""
     drawn = posterior("second", motor(), TRUE)
     sizes = size * (np.broadcast_to(which, NUM)[:, None] == np.arange(len(effects)))
-    drawn.plausible = PlausibleEffects(tuple(effects), sizes)
+    drawn.draws = replace(drawn.draws, plausible=PlausibleEffects(tuple(effects), sizes))
     return drawn
 
 
@@ -666,9 +668,20 @@ def test_the_map_has_the_losses_of_each_speed(two_speeds, tmp_path):
     assert "extrapolated" not in by[4000, "S1"].condition
     assert by[4000, "S2-10"].current_A > 1.2 * CURRENT
     assert by[4000, "S2-10"].condition.endswith("extrapolated, tested up to 110 A")
-    assert "other losses alone lead to 126 °C" in by[7000, "S1"].refused
+    for duty in ("S1", "S2-60", "S2-30"):
+        assert "other losses alone lead to 126 °C" in by[7000, duty].refused
     assert said["ratings"]["limit"] == "class F, permitted rise 105 K"
     assert json.loads((tmp_path / "map" / "ratings.json").read_text())["tested_rpm"] == [2000, 4000]
+    for language, words in (("de", "zwischen Prüfungen interpoliert"), ("it", "tra le prove")):
+        out = ["--out", str(tmp_path / language), "--speeds", str(tmp_path / "speeds.csv")]
+        command = ["export", str(two_speeds), "--to", "ratings", "--language", language, *out]
+        assert cli.main(command) == 0
+        other = pd.read_csv(tmp_path / language / "ratings.csv", comment="#")
+        assert words in other.other_losses_from[4]
+        numbers = ["speed_rpm", "current_A", "low_95_A", "high_95_A"]
+        pd.testing.assert_frame_equal(other[numbers], table[numbers])
+        said = " ".join(other[["condition", "refused", "other_losses_from"]].fillna("").sum())
+        assert not re.search(r"\b(sink|losses|tested|rise|other|from|current|class|at)\b", said)
 
 
 @pytest.mark.parametrize(

@@ -28,8 +28,8 @@ from heatrun.reports import printed as digits
 from heatrun.reports.figures import certificate_figure
 from heatrun.reports.of_run import rewrite_sheet, write_sheet
 from heatrun.reports.pdf import FLATTEST
-from heatrun.reports.worksheet import WorksheetConstants, fill_worksheet
 from heatrun.results import to_json
+from heatrun.results.budget import combined
 from heatrun.runs.run import certificate_of, open_run
 from heatrun.runs.run_folder import RunFolder
 from heatrun.runs.write import write_run
@@ -110,6 +110,24 @@ def test_the_workbook_holds_the_derived_figures(folder, found):
     assert not by_name
 
 
+def test_the_workbook_holds_the_budgets(folder, found):
+    (model,) = found.result.models.values()
+    rows = [*openpyxl.load_workbook(folder / "sheet.xlsx", data_only=True)["Budget"].values]
+    entries = [entry for entry in model.parameters.values() if not entry.fixed]
+    assert len(json.loads((folder / "sheet.json").read_text())["budget"]) == len(entries)
+    for entry in entries:
+        title, _, *own = rows[: len(entry.budget) + 4]
+        rows = rows[len(entry.budget) + 5 :]
+        assert entry.meaning in title[0]
+        for row, said in zip(own, entry.budget, strict=False):
+            assert row[:2] == (said.source, said.type)
+            assert row[5:] == pytest.approx((said.contribution, said.share))
+        total, by_draws = own[-2:]
+        assert total[5] == pytest.approx(combined(entry.budget))
+        assert by_draws[5] == pytest.approx(entry.sd)
+    assert not rows
+
+
 def test_the_workbook_draws_the_course_from_its_cells(folder):
     book = openpyxl.load_workbook(folder / "sheet.xlsx")
     sheet = book["Course 1"]
@@ -129,34 +147,22 @@ def test_names_are_no_formulas_in_the_workbook(folder):
         for row in sheet.iter_rows():
             for cell in row:
                 if cell.data_type == "f":
-                    assert sheet.title in ("Worksheet", "Course 1")
+                    assert sheet.title in ("Worksheet", "Course 1", "Budget")
                     assert "HYPERLINK" not in cell.value
     assert book["Parameters"]["A1"].value.startswith("=HYPERLINK")
     assert book["Parameters"]["A1"].data_type == "s"
 
 
-def test_the_worksheet_of_the_workbook_is_the_published_one(folder, found):
-    """Cached values of the live formulas against the function that reproduces the print."""
+def test_the_worksheet_of_the_workbook_is_that_of_its_test(folder, found):
+    """Its formulas are held against the published sheet in `test_worksheet.py`."""
     values = openpyxl.load_workbook(folder / "sheet.xlsx", data_only=True)["Worksheet"]
     formulas = openpyxl.load_workbook(folder / "sheet.xlsx")["Worksheet"]
     rows = [[cell.value for cell in row[:13]] for row in values.iter_rows(min_row=12)]
-    rows = [row for row in rows if row[5] is not None]
-    Tw, P, current = (np.array([row[i] for row in rows], dtype=float) for i in (1, 4, 7))
+    rows = np.array([row for row in rows if row[5] is not None], dtype=float)
     Rs0 = found.result.models["second"].parameters["Rs0"].value
-    expected = fill_worksheet(
-        WorksheetConstants(
-            ambient_mean_degC=float(values["B3"].value), phase_resistance_ohm=Rs0
-        ),
-        Tw, P, current, cold_start=False,
-    )  # fmt: skip
-    for column, array in (
-        (3, expected.equivalent_resistance_ohm),
-        (8, expected.phase_resistance_ohm),
-    ):
-        np.testing.assert_allclose([row[column] for row in rows], array, rtol=1e-12)
-    copper = 3 * current**2 * np.array([row[8] for row in rows])
-    np.testing.assert_allclose([row[9] for row in rows], copper, rtol=1e-12)
-    np.testing.assert_allclose([row[10] for row in rows], P - copper, atol=1e-9)
+    copper = 3 * rows[:, 7] ** 2 * Rs0 * (234.5 + rows[:, 1]) / (234.5 + 25.0)
+    np.testing.assert_allclose(rows[:, 9], copper, rtol=1e-12)
+    np.testing.assert_allclose(rows[:, 10], rows[:, 4] - copper, atol=1e-9)
     assert formulas["J20"].value == "=$E$6*H20^2*I20"
 
 

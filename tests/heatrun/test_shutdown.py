@@ -91,14 +91,14 @@ def test_another_seed_says_the_same(tmp_path):
 def test_the_budget_adds_up_and_agrees_with_the_draws(tmp_path):
     result = found(tmp_path)
     assert sum(row.share for row in result.budget) == pytest.approx(1.0)
-    total = np.sqrt(sum(row.contribution_K**2 for row in result.budget))
+    total = np.sqrt(sum(row.contribution**2 for row in result.budget))
     assert total == pytest.approx(result.gum_uncertainty_K)
     # of first order; a late reading makes them part
     assert result.gum_uncertainty_K == pytest.approx(result.standard_uncertainty_K, rel=0.25)
     cold = next(row for row in result.budget if row.source == "cold resistance")
     # dT/dR1 by hand: the temperature above -B, for a relative error
     assert cold.sensitivity == pytest.approx(-(B + result.winding_degC), rel=0.01)
-    assert cold.contribution_K == pytest.approx(0.0005 * (B + result.winding_degC), rel=0.01)
+    assert cold.contribution == pytest.approx(0.0005 * (B + result.winding_degC), rel=0.01)
 
 
 def test_what_the_cold_measurement_is_uncertain_by_is_in_the_interval(tmp_path):
@@ -304,7 +304,7 @@ def test_the_certificate_holds_the_budget(tmp_path, capsys):
     assert violations(root) == []
     answer, budget = root.iter(f"{DCC}result")
     reals = [float(each.findtext(f"{SI}value") or "") for each in budget.iter(f"{SI}real")]
-    parts = [row["contribution_K"] for row in said["budget"]]
+    parts = [row["contribution"] for row in said["budget"]]
     assert reals == pytest.approx([*parts, said["gum_uncertainty_K"]], rel=5e-3, abs=1e-12)
     words = [each.text or "" for each in budget.iter(f"{DCC}content")]
     cold = words[words.index("cold resistance") + 1]

@@ -114,6 +114,7 @@ HEATRUN = Path(str(resources.files("heatrun")))
 STORED = Path(__file__).parents[1] / "stored" / "fit-1.json"
 STATES_ENGLISH = (
     "runs/verdict.py", "runs/duties.py", "runs/machine.py", "runs/ratings_figures.py",
+    "runs/budget.py",
 )  # fmt: skip
 """Where the sentences are made that a run states in English."""
 

@@ -3,34 +3,37 @@
 from __future__ import annotations
 
 import csv
+import io
 import re
 import shlex
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import openpyxl
+import pandas as pd
 import pytest
+import xlsxwriter
 from scipy.integrate import solve_ivp
 
 from heatrun.cli import _parser
-from heatrun.errors import InputError
+from heatrun.io.texts import Texts
 from heatrun.record.motor import Motor
 from heatrun.record.record import Record
-from heatrun.reports.worksheet import Worksheet, WorksheetConstants, fill_worksheet
+from heatrun.reports.xlsx import FIRST_ROW, add_worksheet
+from heatrun.reports.xlsx_cells import AS_TEXT, Cells
+from heatrun.results import FitResult, from_json
 from heatrun.simulation import simulate_values
 from heatrun_reports.prototypes.prototype import parse_roles
 
-THESIS = Path(__file__).parents[2] / "data" / "thesis"
+ROOT = Path(__file__).parents[2]
+THESIS = ROOT / "data" / "thesis"
 COMPUTED = {
-    "Req DC [ohm]": "equivalent_resistance_ohm",
-    "Ieq DC [A]": "total_current_A",
-    "Veq DC [V]": "total_voltage_V",
-    "Rs [ohm]": "phase_resistance_ohm",
-    "Pjs [W]": "copper_loss_W",
-    "Pol [W]": "other_loss_W",
-    "Ieq DC of Pjs [A]": "copper_current_A",
-    "Veq DC of Pjs [V]": "copper_voltage_V",
-}
+    "Req DC [ohm]": 3, "Ieq DC [A]": 5, "Veq DC [V]": 6, "Rs [ohm]": 8, "Pjs [W]": 9,
+    "Pol [W]": 10, "Ieq DC of Pjs [A]": 11, "Veq DC of Pjs [V]": 12,
+}  # fmt: skip
+"""What the sheet computes, with its column in the workbook."""
 
 
 @pytest.fixture(scope="module")
@@ -45,28 +48,43 @@ def as_shown(value: float) -> str:
     return f"{value:.{decimals}f}".rstrip("0").rstrip(".")
 
 
-def constants_of(printed: list[dict[str, str]]) -> WorksheetConstants:
-    head = tomllib.loads((THESIS / "constants.toml").read_text(encoding="utf-8"))["worksheet"]
-    # The head shows the ambient mean with four decimals, cell C12 with the digits it computes with.
-    ambient = float(printed[0]["Tw mod [degC]"])
-    assert f"{ambient:.4f}" == f"{head['ambient_mean_degC']}"
-    return WorksheetConstants(**(head | {"ambient_mean_degC": ambient}))
-
-
-def filled(printed: list[dict[str, str]]) -> Worksheet:
-    inputs = (
-        np.array([float(row[name]) for row in printed]) for name in ("Tw [degC]", "P [W]", "Is [A]")
+@pytest.fixture(scope="module")
+def filled(printed, constants) -> list[tuple]:
+    """The worksheet of a workbook over the printed inputs, as its formulas come out, row by row."""
+    head = constants["worksheet"]
+    stored = ROOT / "tests" / "stored" / "fit-1.json"
+    result = from_json(stored.read_bytes(), FitResult, "fit.json", str(stored))
+    motor = replace(
+        result.motor,
+        phases=3,
+        resistance_coefficient_degC=head["resistance_coefficient_degC"],
+        reference_temperature_degC=head["phase_reference_degC"],
     )
-    return fill_worksheet(constants_of(printed), *inputs)
+    second = result.models["second"]
+    Rs0 = replace(second.parameters["Rs0"], value=head["phase_resistance_ohm"])
+    model = replace(second, parameters={"Rs0": Rs0})
+    table = pd.DataFrame({
+        name: [float(row[title]) for row in printed]
+        for name, title in (("time_s", "t [s]"), ("measured_degC", "Tw [degC]"),
+                            ("losses_W", "P [W]"), ("phase_current_A", "Is [A]"))
+    })  # fmt: skip
+    # the test starts cold: in the first row the ambient mean stands for the sensor's reading
+    table.loc[0, "measured_degC"] = float(printed[0]["Tw mod [degC]"])
+    table["second_winding_degC"] = table["sink_degC"] = head["ambient_mean_degC"]
+    whole = replace(result, motor=motor, models={"second": model})
+    stream = io.BytesIO()
+    with xlsxwriter.Workbook(stream, AS_TEXT) as book:
+        add_worksheet(book, Cells(book), whole, "page", table, Texts())
+    sheet = openpyxl.load_workbook(stream, data_only=True)["Worksheet"]
+    return list(sheet.iter_rows(min_row=FIRST_ROW, values_only=True))
 
 
-def test_every_printed_digit_is_reproduced_but_one_cell(printed: list[dict[str, str]]) -> None:
-    sheet = filled(printed)
+def test_every_printed_digit_is_reproduced_but_one_cell(printed, filled) -> None:
     different = {
         (row["row"], title): (row[title], computed)
-        for title, field in COMPUTED.items()
-        for row, value in zip(printed, getattr(sheet, field), strict=True)
-        if (computed := as_shown(value)) != row[title]
+        for row, cells in zip(printed, filled, strict=True)
+        for title, column in COMPUTED.items()
+        if (computed := as_shown(cells[column])) != row[title]
     }
     assert len(printed) * len(COMPUTED) == 176
     # The printed cell lacks one digit, the 3 after the decimal point's 9: 22.9(3)153365.
@@ -84,45 +102,11 @@ def test_the_one_cell_contradicts_its_own_row(printed: list[dict[str, str]]) -> 
     assert round(apart["23"], 4) == 0.0162
 
 
-def test_first_row_takes_the_ambient_mean_for_the_winding(printed: list[dict[str, str]]) -> None:
-    assert [row["Tw mod [degC]"] for row in printed[1:]] == [""] * 21
-    sheet = filled(printed)
-    assert as_shown(sheet.winding_used_degC[0]) == printed[0]["Tw mod [degC]"]
-    assert np.all(sheet.winding_used_degC[1:] == 22.0)
-
-    warm = fill_worksheet(constants_of(printed), [22.0], [521.843], [74.18334424], cold_start=False)
-    assert as_shown(warm.equivalent_resistance_ohm[0]) == printed[1]["Req DC [ohm]"]
-
-
-HEAD = WorksheetConstants(ambient_mean_degC=20.0, phase_resistance_ohm=0.0062)
-
-
-@pytest.mark.parametrize(
-    ("winding", "losses", "current", "complaint"),
-    [
-        ([20.0, 21.0], [500.0], [70.0, 70.0], r"one length, got Tw \(2,\), P \(1,\)"),
-        ([], [], [], "one length"),
-        ([20.0, np.nan], [500.0, 500.0], [70.0, 70.0], "column Tw, data row 2: Expected a number"),
-        ([20.0, 21.0], [500.0, -3.0], [70.0, 70.0], "P, data row 2: .* 0 W or more, got -3 W"),
-        ([20.0, -240.0], [500.0, 500.0], [70.0, 70.0], "above -234.5 degC, got -240 degC"),
-    ],
-)
-def test_columns_that_make_no_sheet_are_refused(
-    winding: list[float], losses: list[float], current: list[float], complaint: str
-) -> None:
-    with pytest.raises(InputError, match=complaint):
-        fill_worksheet(HEAD, winding, losses, current)
-
-
-@pytest.mark.parametrize("resistance", [0.0, -0.0062, float("nan"), float("inf")])
-def test_a_resistance_that_is_none_is_refused(resistance: float) -> None:
-    with pytest.raises(InputError, match="phase_resistance_ohm: Expected a finite resistance"):
-        WorksheetConstants(ambient_mean_degC=20.0, phase_resistance_ohm=resistance)
-
-
-def test_a_reference_below_the_resistance_law_is_refused() -> None:
-    with pytest.raises(InputError, match=r"phase_reference_degC: .* above -234\.5 degC"):
-        WorksheetConstants(20.0, 0.0062, phase_reference_degC=-250.0)
+def test_the_first_row_alone_has_the_ambient_mean_for_the_winding(printed, constants) -> None:
+    first, *others = (row["Tw mod [degC]"] for row in printed)
+    assert others == [""] * 21
+    # the head shows it with four decimals, cell C12 with the digits it computes with
+    assert f"{float(first):.4f}" == f"{constants['worksheet']['ambient_mean_degC']}"
 
 
 MOTOR = Motor("IPM-SynRel 2022", phase_resistance_ohm=0.0062)
@@ -177,7 +161,6 @@ def test_the_printed_first_order_is_five_kelvin_low_after_a_minute(constants, he
     assert ours == pytest.approx(first, abs=0.05)
 
 
-ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "thesis_commands.md").read_text("utf-8")
 FOLDERS = {"$P": "data/synthetic/prototypes", "$D": "data/synthetic", "$O": "results/runs/thesis"}
 

@@ -69,6 +69,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         help="speeds of the ratings (default: those tested under load); a file has speed_rpm and, "
         "where no test tells them, other_losses_W",
     )
+    words.add_language(parser, "of the ratings")
     parser.add_argument(
         "--motor-constant",
         type=float,
@@ -138,6 +139,8 @@ def _refuse_mixed(options: argparse.Namespace) -> None:
         raise UsageError("--motor-constant is for --to mujoco; nothing else simulates a torque")
     if options.to != "ratings" and options.speeds is not None:
         raise UsageError("--speeds is for --to ratings; the other exports take speeds as they come")
+    if options.to != "ratings" and options.language:
+        raise UsageError("--language is for --to ratings; the other exports are for programs")
     if options.to not in OF_RUN:
         return
     if options.tests:
@@ -163,7 +166,8 @@ def _of_run(options: argparse.Namespace) -> dict[str, Any]:
     if options.to == "mujoco":
         return export_mujoco(options.source, motor_constant=options.motor_constant, **where)
     if options.to == "ratings":
-        return export_ratings(options.source, speeds=options.speeds, **where)
+        words_of = {"speeds": options.speeds, "language": options.language}
+        return export_ratings(options.source, **words_of, **where)
     if options.to in OF_TEST:
         return export_source(
             options.source,
@@ -263,12 +267,7 @@ def _text_of_network(written: dict[str, Any]) -> str:
 
 
 def _text_of_ratings(written: dict[str, Any]) -> str:
-    ratings = written["ratings"]
-    return "\n".join([
-        f"Permitted currents at {printable(ratings['limit'])}, rms, with 95 % intervals:",
-        *map(printable, written["table"]),
-        *(printable(path) for path in written["files"]),
-    ])  # fmt: skip
+    return "\n".join(map(printable, [*written["table"], *written["files"]]))
 
 
 def _text_of_bodies(written: dict[str, Any]) -> str:

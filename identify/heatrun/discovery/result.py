@@ -6,7 +6,7 @@ What became of every effect of the library, and why: the candidates of `discover
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 from msgspec import UNSET
@@ -181,7 +181,11 @@ def assemble(
         candidates=describe_candidates(found),
         adequacy=AdequacyBeforeAfter(before=_adequacy(found.before), after=_adequacy(after)),
         calibration=_gap(fitted, after.noise_K),
-        holdout=_held_out(_gap(held_out, after.noise_K)) if held_out else None,
+        holdout=HeldOutGap(
+            **asdict(_gap(held_out, after.noise_K)), took_part_in_selection=False, sentence=APART
+        )
+        if held_out
+        else None,
         tests=tuple(
             ErrorsBeforeAfter(name=first.test.name, role=role, before=_row(first), after=_row(last))
             for (first, last), role in pairs
@@ -195,20 +199,6 @@ def assemble(
         ),
         next_test=_next(found),
         seconds=dict(found.seconds),
-    )
-
-
-def _held_out(gap: Gap) -> HeldOutGap:
-    return HeldOutGap(
-        noise_floor_K=gap.noise_floor_K,
-        rmse_before_K=gap.rmse_before_K,
-        max_before_K=gap.max_before_K,
-        coverage_95_before=gap.coverage_95_before,
-        rmse_after_K=gap.rmse_after_K,
-        max_after_K=gap.max_after_K,
-        coverage_95_after=gap.coverage_95_after,
-        took_part_in_selection=False,
-        sentence=APART,
     )
 
 

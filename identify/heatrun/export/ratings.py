@@ -12,24 +12,24 @@ import pandas as pd
 
 from ..errors import InputError, UsageError
 from ..io.quantities import rounded
+from ..io.texts import LANGUAGES, Texts
 from ..io.whole_files import numbered
 from ..results import to_json
 from ..results.values import known
 from ..runs.rating_map import Permitted, RatingMap, rating_map
-from ..runs.run import open_run
+from ..runs.run import certificate_of, open_run
 from ..version import __version__
 from .contents import write_export
 
 COLUMNS = ("speed_rpm", "other_losses_W")
 """Columns of a file of speeds; the last may be left out, or be empty where the tests tell it."""
 
-HEADING = "heatrun export: permitted currents against speed"
-
 
 def export_ratings(
     run: Path,
     *,
     speeds: str | None = None,
+    language: str = "",
     folder: Path | None = None,
     network: str | None = None,
     is_replacing: bool = False,
@@ -40,6 +40,7 @@ def export_ratings(
         run: The run folder.
         speeds: Speeds with commas between [rpm], or a CSV file of `COLUMNS`; None for those that
             were run under load.
+        language: Of the files' words; empty for that of the run's certificate.
         folder: Where the files go; None for a folder `ratings` in the run, numbered where that
             holds another export.
         network: Name of the network; None for the last one of the run.
@@ -55,24 +56,26 @@ def export_ratings(
     """
     opened = open_run(run)
     found = rating_map(opened, None if speeds is None else read_speeds(speeds), network)
+    say = Texts(language or certificate_of(opened).language or LANGUAGES[0])
     title = opened.result.models[found.network].title
+    limit = say.again(found.limit)
     content = {
-        "about": HEADING,
+        "about": f"heatrun export: {say('ratings')}",
         "format": "heatrun-ratings/1",
         "heatrun_version": __version__,
         "run_sha256": opened.manifest["files"]["fit.json"],
         "machine": opened.motor.name,
-        "title": title,
+        "title": say.again(title),
         "network": found.network,
-        "limit": found.limit,
+        "limit": limit,
         "tested_rpm": found.tested_rpm,
-        "ratings": [_row(row) for row in found.rows],
+        "ratings": [_row(row, say) for row in found.rows],
     }
     table = pd.DataFrame(content["ratings"]).to_csv(index=False, lineterminator="\n")
     files = {
         "ratings.json": (to_json(content) + "\n").encode(),
-        "ratings.csv": f"# {HEADING}; {found.limit}\n{table}".encode(),
-        "ratings.png": figure(found, opened.motor.name, opened.motor.rated_current_A),
+        "ratings.csv": f"# {content['about']}; {limit}\n{table}".encode(),
+        "ratings.png": figure(found, opened.motor.name, opened.motor.rated_current_A, say),
     }
     places = [folder] if folder else numbered(run / "ratings")
     inputs = tuple(Path(entry["path"]) for entry in opened.manifest["inputs"])
@@ -124,7 +127,7 @@ def _of_file(path: Path) -> dict[float, float | None]:
     return {n: W if np.isfinite(W) else None for n, W in pairs}
 
 
-def _row(row: Permitted) -> Mapping[str, Any]:
+def _row(row: Permitted, say: Texts) -> Mapping[str, Any]:
     low, high = row.current.ends
     return {
         "speed_rpm": row.speed_rpm,
@@ -133,14 +136,14 @@ def _row(row: Permitted) -> Mapping[str, Any]:
         "low_95_A": low,
         "high_95_A": high,
         "other_losses_W": row.other_losses_W,
-        "other_losses_from": row.other_losses_from,
-        "condition": known(row.current.condition) or "",
-        "refused": known(row.current.refused) or "",
+        "other_losses_from": say.again(row.other_losses_from),
+        "condition": say.again(known(row.current.condition) or ""),
+        "refused": say.again(known(row.current.refused) or ""),
     }
 
 
 def lines(found: RatingMap) -> list[str]:
-    """Return the map as lines: a row for each speed, and what lies beyond the tests."""
+    """Return the map as lines: a heading, a row for each speed, and what lies beyond the tests."""
     by_speed: dict[float, list[Permitted]] = {}
     for row in found.rows:
         by_speed.setdefault(row.speed_rpm, []).append(row)
@@ -161,7 +164,8 @@ def lines(found: RatingMap) -> list[str]:
         for row in found.rows
         if (words := f"refused, {why}" if (why := known(row.current.refused)) else _beyond(row))
     )
-    return [f"  {line}" for line in (*said, *whys)]
+    title = f"Permitted currents at {found.limit}, rms, with 95 % intervals:"
+    return [title, *(f"  {line}" for line in (*said, *whys))]
 
 
 def _beyond(row: Permitted) -> str:
@@ -178,13 +182,14 @@ def _cell(row: Permitted) -> str:
     return f"{median} ({rounded(low, 4)} … {rounded(high, 4)}){star}"
 
 
-def figure(found: RatingMap, machine: str, rated_A: float | None) -> bytes:
+def figure(found: RatingMap, machine: str, rated_A: float | None, say: Texts) -> bytes:
     """Return the map as PNG: a line for each duty with its 95 % interval.
 
     Args:
         found: The map.
         machine: Name of the machine.
         rated_A: Rated current [A], drawn where it is given.
+        say: The texts in the language of the figure.
     """
     from matplotlib.figure import Figure
 
@@ -202,7 +207,7 @@ def figure(found: RatingMap, machine: str, rated_A: float | None) -> bytes:
         rpm, middle = [r.speed_rpm for r in rows], [r.current.median for r in rows]
         low, high = zip(*(r.current.ends for r in rows), strict=True)
         ends = np.abs(np.array([low, high]) - middle)
-        name = "S1, continuous" if duty == "S1" else f"{duty}, {duty[3:]} min from cold"
+        name = say("ratings_S1") if duty == "S1" else say("ratings_S2", duty=duty, min=duty[3:])
         axis.errorbar(rpm, middle, ends, color=colour, lw=1.2, capsize=3, elinewidth=1.0,
                       label=name)  # fmt: skip
         for is_beyond in (False, True):
@@ -213,15 +218,15 @@ def figure(found: RatingMap, machine: str, rated_A: float | None) -> bytes:
             has_beyond = has_beyond or (is_beyond and bool(at))
     if has_beyond:
         axis.plot([], [], "o", ms=5, color="#666666", markerfacecolor="white",
-                  label="extrapolated: beyond what was tested")  # fmt: skip
+                  label=say("ratings_beyond"))  # fmt: skip
     if rated_A is not None:
-        axis.axhline(rated_A, color="#B00020", lw=0.9, ls="--", label="rated current")
+        axis.axhline(rated_A, color="#B00020", lw=0.9, ls="--", label=say("ratings_rated"))
     for rpm in found.tested_rpm:
         axis.axvline(rpm, color="#BBBBBB", lw=0.6, zorder=0)
-    axis.set(xlabel="Speed [rpm] (grey lines: tested under load)", ylim=(0.0, None),
-             ylabel="Permitted current, rms [A]", title=f"{machine}: {found.limit}")  # fmt: skip
+    axis.set(xlabel=say("ratings_speed"), ylabel=say("ratings_current"), ylim=(0.0, None),
+             title=f"{machine}: {say.again(found.limit)}")  # fmt: skip
     axis.grid(lw=0.3, axis="y")
     axis.legend(fontsize=8, frameon=False)
     stream = io.BytesIO()
-    drawn.savefig(stream, format="png", dpi=150, metadata={"Software": HEADING})
+    drawn.savefig(stream, format="png", dpi=150, metadata={"Software": "heatrun export: ratings"})
     return stream.getvalue()

@@ -11,6 +11,7 @@ from ..io.quantities import clean, quantity, rounded
 from ..io.texts import Texts
 from ..record.motor import Certificate
 from ..results import FitResult
+from ..results.budget import BudgetRow
 from ..results.model import (
     AT_REST,
     LOADED,
@@ -153,6 +154,16 @@ class ParameterLine:
     meaning: str
     entry: FittedParameter
     figure: DerivedFigure | None = None
+
+    @property
+    def budget(self) -> tuple[BudgetRow, ...]:
+        """Where its uncertainty comes from; empty where that is not known."""
+        return known((self.figure or self.entry).budget) or ()
+
+    @property
+    def sd(self) -> float:
+        """Its standard uncertainty [its unit]; NaN where it has none."""
+        return number(known((self.figure or self.entry).sd))
 
 
 def parameter_lines(model: FittedModel, say: Texts = ENGLISH) -> list[ParameterLine]:

@@ -12,10 +12,17 @@ from ..readers.mapping import KNOWN_BY, assumption, grouped
 from ..record.motor import Certificate
 from ..record.record import Finding
 from ..results import FitResult
+from ..results.budget import combined
 from ..results.model import AT_REST, LOADED, DerivedFigure, DescribedTest, FittedModel
 from ..results.values import Interval, known
 from ..runs.verdict import concerns, favoured
-from .certificate import ON_PAGE_1, certificate_content, places_of_current
+from .certificate import (
+    ON_PAGE_1,
+    ParameterLine,
+    certificate_content,
+    parameter_lines,
+    places_of_current,
+)
 from .printed import format_interval, format_value, num_stated, signed, told
 
 GRAVITY = {"error": 0, "warning": 1, "note": 2}
@@ -65,6 +72,7 @@ def sheet_content(
             for name, entry in model.derived.items()
             if name not in ON_PAGE_1 and not name.endswith((LOADED, AT_REST))
         ],
+        "budget": [_budget(line, say) for line in parameter_lines(model, say) if line.budget],
         "graver": [[say(each.severity), _sentence(each, result, say)] for each in graver],
         "after_findings": _after_findings(graver, len(own) - len(graver), say),
         "comparison": [clean(w) for w in (result.comparison.words if result.comparison else ())],
@@ -87,13 +95,13 @@ def sheet_content(
 
 
 LABELS = (
-    "annex", "findings", "tests", "test", "role", "length", "current_A",
+    "annex", "parameter", "findings", "tests", "test", "role", "length", "current_A",
     "speed_rpm", "winding_degC", "sink_degC", "date", "sha256", "residuals", "derived", "figure",
     "value", "interval", "condition_or_refusal", "measured_body", "node", "rmse_K", "max_K",
     "mean_K", "in_band", "definitions", "remarks", "instruments", "instruments_listed",
     "instrument_quantity", "instrument", "instrument_class", "instrument_calibration",
     "instrument_valid", "signature", "page", "of", "more_reasons", "more_parameters",
-    "value_or_interval",
+    "value_or_interval", "budget", "budget_u", "budget_draws", "budget_sources", "budget_rule",
 )  # fmt: skip
 """Texts that the template of the pages sets by itself."""
 
@@ -193,6 +201,23 @@ def _replica(model: FittedModel, say: Texts) -> str:
     if replica is None:
         return ""
     return say("replica", numbers=replica.numbers(), K=f"{replica.from_model_K:.2f}")
+
+
+MOST_SOURCES, LEAST_SHARE = 4, 0.01
+"""Sources that a line of the sheet names, and the least share of the variance of one [1]."""
+
+
+def _budget(line: ParameterLine, say: Texts) -> list[str]:
+    """Return a parameter, its standard uncertainty to first order and by draws, its sources."""
+    named = [row for row in line.budget[:MOST_SOURCES] if row.share >= LEAST_SHARE]
+    rest = line.budget[len(named) :]
+    sources = [(say.again(row.source), row.share) for row in named]
+    if (share := sum(row.share for row in rest)) >= 0.5 * LEAST_SHARE:
+        sources.append((say("budget_others", num=len(rest)), share))
+    unit, of_draws = line.entry.unit, line.sd
+    both = (format_value(u, of_draws)[0] for u in (combined(line.budget), of_draws))
+    words = "; ".join(f"{source}: {100.0 * share:.0f} %" for source, share in sources)
+    return [clean(line.name), *(say.number(quantity(u, unit)) for u in both), words]
 
 
 def _derived(entry: DerivedFigure, say: Texts) -> list[str]:

@@ -10,19 +10,20 @@ What was found, as elements of the DCC: statements, method, instruments, conditi
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement, register_namespace
 
 from ..errors import InputError
-from ..io.quantities import clean, quantity, rounded
+from ..io.quantities import clean, printed_unit, quantity, rounded
 from ..record.motor import Certificate
 from ..results import FitResult
+from ..results.budget import BudgetRow, combined
 from ..results.model import DescribedTest, FittedParameter
 from ..results.values import Interval
 from ..runs.verdict import favoured, headline
 from ..version import __version__
-from .certificate import ENGLISH, judged
+from .certificate import ENGLISH, ParameterLine, judged, parameter_lines
 from .printed import (
     COVERAGE_FACTOR,
     TestDays,
@@ -191,11 +192,14 @@ def add_results(root: Element, about: Element, result: FitResult, certificate: C
         held = add(measured, "influenceConditions")
         for name, unit, (low, high) in conditions:
             _condition(held, name, unit, low, high)
-    found = add(add(measured, "results"), "result")
-    add_text(found, "name", f"Parameters of the {network.title} network")
-    data = add(found, "data")
-    for name, entry in network.parameters.items():
-        _parameter(data, name, entry)
+    found = add(measured, "results")
+    data = add_result(found, f"Parameters of the {network.title} network")
+    lines = [line for line in parameter_lines(network) if line.figure is None or line.sd > 0]
+    for line in lines:
+        _parameter(data, line)
+    for line in lines:
+        if line.budget:
+            add_budget(found, line.name, line.budget, line.entry.unit)
     _tests(add(measured, "measurementMetaData"), result)
 
 
@@ -286,22 +290,64 @@ def _condition(parent: Element, name: str, unit: str, low: float, high: float) -
     add_text(held, "name", name)
     data = add(held, "data")
     for word, value in (("smallest", low), ("largest", high)):
-        quantity = add(data, "quantity")
-        add_text(quantity, "name", f"{word} {name}")
-        add_real(quantity, f"{value:.1f}", unit)
+        add_real(add_named(data, f"{word} {name}"), f"{value:.1f}", unit)
 
 
-def _parameter(parent: Element, name: str, entry: FittedParameter) -> None:
-    """Add a parameter with the digits of the sheet."""
-    held = add(parent, "quantity")
-    add_text(held, "name", f"{name}: {entry.meaning}")
-    words = "; ".join(text for text in (judged(entry), _types(entry), entry.why or "") if text)
+def add_result(parent: Element, name: str) -> Element:
+    """Add a result, and return what holds its quantities."""
+    found = add(parent, "result")
+    add_text(found, "name", name)
+    return add(found, "data")
+
+
+def add_named(data: Element, name: str, words: str = "") -> Element:
+    """Add a quantity with its name, described by `words`."""
+    held = add(data, "quantity")
+    add_text(held, "name", name)
     if words:
         add_text(held, "description", words)
+    return held
+
+
+def add_budget(
+    parent: Element, name: str, rows: Sequence[BudgetRow], unit: str, *, label: str = ""
+) -> None:
+    """Add where an uncertainty comes from: what each source brings, and how, in words.
+
+    Args:
+        parent: The results.
+        name: Whose uncertainty it is.
+        rows: The budget.
+        unit: Of the answer, as heatrun writes it.
+        label: Name of the combined standard uncertainty, or empty.
+    """
+    data = add_result(parent, f"Uncertainty budget of {name} (JCGM 100, first order)")
+    for row in rows:
+        words = f"type {row.type}; share of the variance {100.0 * row.share:.2f} %"
+        if row.standard_uncertainty is not None and row.sensitivity is not None:
+            words = (
+                f"standard uncertainty {quantity(f'{row.standard_uncertainty:.3g}', row.unit)}; "
+                f"sensitivity {row.sensitivity:.4g} {printed_unit(unit)} per "
+                f"{quantity('1', row.unit)}; {words}"
+            )
+        add_real(add_named(data, row.source, words), f"{row.contribution:.3g}", unit)
+    total = add_named(data, "combined standard uncertainty, first order")
+    add_real(total, f"{combined(rows):.3g}", unit, label=label)
+
+
+def _parameter(data: Element, line: ParameterLine) -> None:
+    """Add a parameter with the digits of the sheet, or what it is at stated conditions."""
+    entry, figure = line.entry, line.figure
+    if figure is not None:
+        held = add_named(data, f"{line.name}: {line.meaning}")
+        add_uncertain(held, figure.median, line.sd, figure.ends, entry.unit)
+        return
+    words = "; ".join(text for text in (judged(entry), _types(entry), entry.why or "") if text)
+    held = add_named(data, f"{line.name}: {line.meaning}", words)
     if printed(entry).form == "given":
-        add_real(held, rounded(entry.value, 5), entry.unit, label=name)
+        add_real(held, rounded(entry.value, 5), entry.unit, label=line.name)
     else:
-        add_uncertain(held, entry.value, entry.sd, entry.interval_95, entry.unit, label=name)
+        add_uncertain(held, entry.value, entry.sd, entry.interval_95, entry.unit, label=line.name)
 
 
 def _types(entry: FittedParameter) -> str:

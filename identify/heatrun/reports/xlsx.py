@@ -2,7 +2,12 @@
 
 The courses of the tests: measured, model and residual, each test with a chart of its own.
 
-The worksheet of the published identification, in live formulas.
+The worksheet of the published identification, in live formulas. Its estimator was made for DC
+tests: the losses of an AC test stand there as the current and the voltage that would put the same
+power into a fictitious winding of 1 ohm at 20 degC, once the total, once its copper part.
+
+Reference: G. Agostino, Powertrain Retrofit kit testing and thermal modeling, Politecnico di Torino,
+2022/2023, Figure 7.
 """
 
 from __future__ import annotations
@@ -24,10 +29,10 @@ from ..results import FitResult
 from ..results.model import FittedModel
 from ..results.values import known
 from ..runs.verdict import favoured
-from .certificate import judged
+from .certificate import judged, parameter_lines
 from .figures import COLOURS
 from .printed import COVERAGE_FACTOR
-from .xlsx_cells import AS_TEXT, Cells, add_certificate, write
+from .xlsx_cells import AS_TEXT, Cells, add_budget, add_certificate, write
 
 FIRST = 3
 """Row of the first sample (counted from 0)."""
@@ -222,6 +227,7 @@ def write_xlsx(
                for test in result.tests for row in test.mapping], say)  # fmt: skip
         _residuals(book, cells, model, say)
         _derived(book, cells, model, say)
+        _budgets(book, cells, model, say)
         findings = [[say(severity), text] for severity, text in content["findings"]]
         _rows(book, cells, "findings", [say("severity"), say("finding")], findings, say)
         name, _, table = tables[0]
@@ -308,6 +314,17 @@ def _derived(book: Any, cells: Cells, model: FittedModel, say: Texts) -> None:
         rows.append([name, (known(entry.value), form), printed_unit(known(entry.unit) or ""),
                      (low, form), (high, form), say.again(why)])  # fmt: skip
     _rows(book, cells, "sheet_derived", [*map(say, head)], rows, say)
+
+
+def _budgets(book: Any, cells: Cells, model: FittedModel, say: Texts) -> None:
+    """Write where the uncertainty of each parameter comes from, one below the other."""
+    lines = [line for line in parameter_lines(model, say) if line.budget]
+    if not lines:
+        return
+    sheet, row = book.add_worksheet(say("sheet_budget")), 0
+    for line in lines:
+        sheet.write_string(row, 0, f"{line.name}: {line.meaning}", cells.bold)
+        row = 1 + add_budget(sheet, cells, row + 1, line.budget, line.sd, line.entry.unit, say)
 
 
 def _rows(

@@ -6,7 +6,7 @@ The first sheet of the workbook: the certificate, with numbers as they are print
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,10 +14,11 @@ import numpy as np
 from ..io.quantities import printed_unit
 from ..io.texts import Texts
 from ..results import FitResult
+from ..results.budget import BudgetRow, combined
 from ..results.model import DerivedFigure, FittedParameter
 from ..results.values import known, number
 from ..runs.verdict import favoured
-from .certificate import ON_PAGE_1, parameter_lines
+from .certificate import ENGLISH, ON_PAGE_1, parameter_lines
 from .printed import format_value, interval_ends, places_of, printed
 
 AS_TEXT = {
@@ -41,6 +42,7 @@ class Cells:
         self._book = book
         self._numbers: dict[int, Any] = {}
         self.bold = book.add_format({"bold": True})
+        self.percent = book.add_format({"num_format": "0.0%"})
         self.wrapped = book.add_format({"text_wrap": True, "valign": "top"})
 
     def digits(self, places: int) -> Any:
@@ -72,6 +74,55 @@ def write(sheet: Any, row: int, column: int, value: Any, form: Any = None) -> No
         sheet.write_string(row, column, value)
     elif value is not None and np.isfinite(value):
         sheet.write_number(row, column, float(value), form)
+
+
+def add_budget(
+    sheet: Any,
+    cells: Cells,
+    row: int,
+    rows: Sequence[BudgetRow],
+    sd: float,
+    unit: str,
+    say: Texts = ENGLISH,
+) -> int:
+    """Write a budget; contributions, shares and their sum follow from its cells.
+
+    Args:
+        sheet: The sheet of the workbook.
+        cells: Its formats.
+        row: From 0, of the heads.
+        rows: The budget.
+        sd: Standard uncertainty by draws [unit].
+        unit: Of the answer.
+        say: The texts in the language of the workbook.
+
+    Returns:
+        The row below it.
+    """
+    unit = printed_unit(unit)
+    head = [say(key) for key in ("source", "type", "standard_uncertainty", "unit")]
+    head += [say("sensitivity", unit=unit).strip(), f"{say('contribution')} [{unit}]", say("share")]
+    sheet.write_row(row, 0, head, cells.bold)
+    first, last, total = row + 2, row + 1 + len(rows), combined(rows)
+    form = cells.digits(places_of(total) + 1)
+    for at, one in enumerate(rows, start=first):
+        for column, value in enumerate((say.again(one.source), one.type, one.standard_uncertainty,
+                                        printed_unit(one.unit), one.sensitivity)):  # fmt: skip
+            write(sheet, at - 1, column, value)
+        if one.standard_uncertainty is None:
+            write(sheet, at - 1, 5, one.contribution, form)
+        else:
+            product = f"=ABS(C{at}*E{at})"
+            sheet.write_formula(at - 1, 5, product, form, one.contribution)
+        part = f"=F{at}^2/SUMSQ(F${first}:F${last})"
+        sheet.write_formula(at - 1, 6, part, cells.percent, one.share)
+    sheet.write_string(last, 0, say("combined_first_order"), cells.bold)
+    sheet.write_formula(last, 5, f"=SQRT(SUMSQ(F{first}:F{last}))", form, total)
+    sheet.write_string(last + 1, 0, say("by_draws"), cells.bold)
+    write(sheet, last + 1, 5, sd, form)
+    sheet.set_column(0, 0, 40)
+    sheet.set_column(1, 6, 18)
+    return last + 2
 
 
 INSTRUMENTS = ("instrument_quantity", "instrument", "instrument_class", "instrument_calibration",

@@ -24,6 +24,7 @@ from msgspec import UNSET, Meta, UnsetType
 
 from ..io.quantities import quantity, rounded
 from ..record.record import ColumnReading, Finding
+from .budget import BudgetRow
 from .values import Count, Interval, NonNegative, Probability, Role, known, number
 
 LOADED, AT_REST = "_loaded", "_at_rest"
@@ -43,6 +44,8 @@ class DerivedFigure:
         interval_95: 95 % interval [unit]; null for a limit that is not finite.
         condition: What it holds under.
         refused: Why there is no figure; all other fields are unset then.
+        budget: Where its uncertainty comes from, of a resistance at stated conditions; unset for
+            other figures and in files of earlier versions.
     """
 
     value: float | UnsetType | None = UNSET
@@ -51,6 +54,7 @@ class DerivedFigure:
     interval_95: tuple[float | None, float | None] | UnsetType = UNSET
     condition: str | UnsetType = UNSET
     refused: str | UnsetType = UNSET
+    budget: tuple[BudgetRow, ...] | UnsetType = UNSET
 
     def __post_init__(self) -> None:
         is_there = [getattr(self, name) is not UNSET for name in NEEDED]
@@ -96,6 +100,8 @@ class FittedParameter:
         fixed: Whether it was held at its value.
         identifiability: How well the tests determine it; unset for nuisance parameters.
         why: What this rests on; unset likewise.
+        budget: Where its uncertainty comes from; unset likewise, for a fixed parameter and in files
+            of earlier versions.
     """
 
     value: float
@@ -111,6 +117,7 @@ class FittedParameter:
     fixed: bool
     identifiability: Identifiability | UnsetType = UNSET
     why: str | UnsetType = UNSET
+    budget: tuple[BudgetRow, ...] | UnsetType = UNSET
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

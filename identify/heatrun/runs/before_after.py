@@ -24,7 +24,7 @@ from ..io.quantities import percent, rounded
 from ..model.parameters import EXTRA_NODE
 from ..results.model import AT_REST, LOADED, DerivedFigure
 from ..results.values import Interval, Probability, known
-from .behind import Behind, alone_in, with_effects_in
+from .behind import Behind, alone, with_effects
 from .duties import at_limit, limits_of, within_rise
 from .machine import RAD_PER_S, SAME_LOAD, Machine, Tested, figure, machines, steady_rise
 from .ratings_figures import names_of_times, rates, resistances
@@ -131,11 +131,11 @@ class _Side:
     @cached_property
     def base(self) -> Behind:
         """The network alone; events are those of the first test."""
-        return alone_in(self.draws)
+        return alone(self.draws)
 
     def behind(self, seen: Tested) -> Behind:
         """Return the network with the effects behind its draws, under a load."""
-        return with_effects_in(self.draws, self.base, seen)
+        return with_effects(self.draws, self.base, seen)
 
     def machine(
         self, behind: Behind, seen: Tested, amperes: float, degC: float, permitted: float

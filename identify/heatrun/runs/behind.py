@@ -7,7 +7,7 @@ without it, the machine would have another rise than the tests show.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -17,12 +17,9 @@ from jaxtyping import Float, Int
 
 from lptn.effects import AbstractEffect
 
-from ..model.catalogue import lacking
-from ..model.draws import Draws, PlausibleEffect, PlausibleEffects
+from ..model.draws import Draws, PlausibleEffect
 from ..model.model import Model
-from ..model.model_parameters import parameters
 from ..model.parameters import Parameter, amplitudes, effect_parameters, override, qualified
-from ..posterior.posterior import Posterior
 from .machine import Tested
 
 LIKELY = 0.5
@@ -44,93 +41,42 @@ class Behind(NamedTuple):
     likely: tuple[type[AbstractEffect], ...]
 
 
-def alone(posterior: Posterior) -> Behind:
+def alone(draws: Draws) -> Behind:
     """Return the network without effects that it may miss; events are those of the first test."""
-    problem = posterior.fit.problem
-    structure, priors = problem.structure, problem.data.priors
-    z = posterior.flat[:, : problem.num_parameters]
-    values = {
-        name: np.broadcast_to(np.asarray(draws), z.shape[0])
-        for name, draws in priors.values(structure.form, z.T, 0).items()
-    }
-    return Behind(structure.model, structure.model.in_general(values), ())
-
-
-def alone_in(draws: Draws) -> Behind:
-    """As `alone`, of the draws of a run."""
     values = draws.of_test(draws.parameters.tests[0])
     return Behind(draws.model, draws.model.in_general(values), ())
 
 
-def with_effects_in(draws: Draws, base: Behind, seen: Tested) -> Behind:
-    """As `with_effects`, of the draws of a run under a load.
+def with_effects(draws: Draws, base: Behind, seen: Tested) -> Behind:
+    """Return the network with the effects behind the draws; `base` itself if there are none.
+
+    An effect of one test is none of the machine in general.
 
     Args:
         draws: Draws.
         base: The network alone.
-        seen: The load; an effect that needs what it does not tell is left out.
+        seen: The load of the tests; an effect that needs what it does not tell is left out.
     """
-
-    def known_of(_: Model, kinds: tuple[type[AbstractEffect], ...]) -> Mapping[str, Parameter]:
-        # where an effect is absent its amplitude alone counts, which no machine's size moves
-        own = effect_parameters(kinds, 1.0, searched=kinds)
-        return {**draws.parameters.by_test[0], **override(own, draws.motor)}
-
-    return extended(draws.plausible, base, known_of, lambda kind: bool(seen.lacks(kind)))
-
-
-def with_effects(posterior: Posterior, base: Behind) -> Behind:
-    """Return the network with the effects behind the draws; `base` itself if there are none.
-
-    An effect of one test is none of the machine in general, nor is one whose channel is lacking.
-
-    Args:
-        posterior: Draws.
-        base: The network alone.
-    """
-    problem = posterior.fit.problem
-    tests = [test.winding for test in problem.tests]
-
-    def known(model: Model, kinds: tuple[type[AbstractEffect], ...]) -> Mapping[str, Parameter]:
-        return parameters(model, problem.motor, tests, searched=kinds).by_test[0]
-
-    def lacks(kind: type[AbstractEffect]) -> bool:
-        return any(lacking(kind, test) for test in tests)
-
-    return extended(posterior.plausible, base, known, lacks)
-
-
-def extended(
-    plausible: PlausibleEffects | None,
-    base: Behind,
-    known_of: Callable[[Model, tuple[type[AbstractEffect], ...]], Mapping[str, Parameter]],
-    lacks: Callable[[type[AbstractEffect]], bool],
-) -> Behind:
-    """Return the network with the effects behind its draws, as `with_effects`.
-
-    Args:
-        plausible: The effects; None for none.
-        base: The network alone.
-        known_of: Gives the parameters of a model by name, of which some effects may be absent.
-        lacks: Says of an effect whether its channel is lacking.
-    """
+    plausible = draws.plausible
     if plausible is None:
         return base
     used = {
         index: each
         for index, each in enumerate(plausible.effects)
-        if each.test is None and np.any(plausible.size[:, index]) and not lacks(each.kind)
+        if each.test is None and np.any(plausible.size[:, index]) and not seen.lacks(each.kind)
     }
     if not used:
         return base
     kinds = tuple(dict.fromkeys(effect.kind for effect in used.values()))
     model = replace(base.model, effects=(*base.model.effects, *kinds))
-    known = known_of(model, kinds)
+    # where an effect is absent its amplitude alone counts, which no machine's size moves
+    own = override(effect_parameters(kinds, 1.0, searched=kinds), draws.motor)
+    known = {**draws.parameters.by_test[0], **own}
     values = {name: np.array(draws) for name, draws in base.values.items()}
     for kind in kinds:
         for name in kind.card.parameters:
-            own = qualified(kind, name)
-            values[own] = np.full(plausible.size.shape[0], known[own].centre)
+            of_effect = qualified(kind, name)
+            values[of_effect] = np.full(plausible.size.shape[0], known[of_effect].centre)
     for index, effect in used.items():
         rows = np.flatnonzero(plausible.size[:, index])
         _add(effect, plausible.size[rows, index], rows, known, values)

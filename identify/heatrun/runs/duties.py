@@ -181,7 +181,8 @@ def current_at_limit(
         duty: The duty.
         highest: Returns the highest winding temperature [degC] for currents [A] of each draw.
         limit_degC: Limit of the insulation class.
-        largest_A: Upper end of the search; draws that stay below the limit there return inf.
+        largest_A: Upper end of the search; draws that stay below the limit there return inf, and
+            0 where no current does.
         num_draws: Number of draws.
     """
     low, high = np.zeros(num_draws), np.full(num_draws, largest_A)
@@ -191,7 +192,7 @@ def current_at_limit(
         # far above the limit a law may leave what numbers hold: no number is hot
         is_hot = ~(highest(middle, duty) < limit_degC)
         low, high = np.where(is_hot, low, middle), np.where(is_hot, middle, high)
-    return np.where(beyond, np.inf, 0.5 * (low + high))
+    return np.where(beyond, np.inf, np.where(low > 0.0, 0.5 * (low + high), 0.0))
 
 
 STEPS_PER_TIME_CONSTANT = 10
@@ -255,6 +256,8 @@ def duty_current(rated: Rated, duty: Duty) -> DerivedFigure:
     )
     if not math.isfinite(entry.median):
         return refused(f"{rounded(LARGEST * seen.current_A)} A does not reach {limit.degC:.0f} °C")
+    if entry.median == 0.0:
+        return refused(f"the other losses alone lead to {limit.degC:.0f} °C")
     return extrapolated(entry, seen.short_of(degC=limit.degC, amperes=entry.median))
 
 

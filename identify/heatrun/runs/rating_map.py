@@ -23,7 +23,7 @@ from lptn.effects import AbstractEffect
 from ..errors import InputError
 from ..results.model import DerivedFigure
 from ..results.values import known
-from .behind import Behind, alone_in, with_effects_in
+from .behind import Behind, alone, with_effects
 from .duties import (
     NO_CLASS,
     NO_CURRENT,
@@ -114,8 +114,8 @@ def rating_map(
         )
         raise InputError(f"no map of ratings: {why}.", where=str(run.path), remedy=remedy)
     draws = run.draws(name)
-    base = alone_in(draws)
-    behind = with_effects_in(draws, base, seen)
+    base = alone(draws)
+    behind = with_effects(draws, base, seen)
     levels = list(_levels(run, seen))
     tested = np.asarray([rpm for rpm, _, _ in levels])
     watts = np.asarray([_median_other(behind, drive, degC) for _, drive, degC in levels])
@@ -224,7 +224,7 @@ def _from(rpm: float, given: float | None, tested: np.ndarray) -> str:
     if given is not None:
         return "given"
     if np.min(np.abs(tested - rpm)) <= SAME_SPEED * rpm:
-        return "tests"
+        return "of the tests"
     return "as at the lowest tested speed" if rpm < tested[0] else "interpolated between tests"
 
 

@@ -30,10 +30,12 @@ from lptn import (
 
 from ..io.programs import compiled
 from ..io.quantities import rounded
+from ..model.draws import PlausibleEffects
 from ..model.model import Model
 from ..posterior.posterior import Posterior
 from ..results.model import AT_REST, LOADED, DerivedFigure
 from .behind import Behind, alone, with_effects
+from .budget import Budget
 from .duties import (
     PATTERN,
     Rated,
@@ -136,26 +138,30 @@ SAME = 1e-3
 """Relative difference up to which a resistance at conditions is the parameter itself [1]."""
 
 
-def at_conditions(posterior: Posterior) -> dict[str, DerivedFigure]:
+def at_conditions(
+    behind: Behind, seen: Tested, plausible: PlausibleEffects | None, budget: Budget | None = None
+) -> dict[str, DerivedFigure]:
     """Return the resistances that effects change, at the mean load of the tests and at rest.
 
     At rest they stand for the same temperatures. What an effect that the network may miss would
     change is in the interval, not in the value.
 
     Args:
-        posterior: Draws, of any network with any effects.
+        behind: The network with all effects behind the draws.
+        seen: The load.
+        plausible: The effects that the network may miss; None for none.
+        budget: Gives the budget of draws; None for none.
     """
-    problem = posterior.fit.problem
-    if not problem.model.effects:
-        return {}
-    behind = with_effects(posterior, alone(posterior))
-    seen = tested([test.winding for test in problem.tests])
-    return {
-        f"{name}{ending}": figure(draws, "K/W", words, posterior.plausible)
-        for name, at in resistances(behind, seen).items()
-        if not _is_same(at[LOADED][0], behind.values[name])
-        for ending, (draws, words) in at.items()
-    }
+    figures = {}
+    for name, at in resistances(behind, seen).items():
+        if _is_same(at[LOADED][0], behind.values[name]):
+            continue
+        for ending, (draws, words) in at.items():
+            entry = figure(draws, "K/W", words, plausible)
+            if budget is not None and np.all(np.isfinite(draws)):
+                entry = replace(entry, budget=budget(draws))
+            figures[f"{name}{ending}"] = entry
+    return figures
 
 
 def _is_same(one: Array | np.ndarray, other: Array | np.ndarray) -> bool:
@@ -226,12 +232,15 @@ def _condition(
     return ", ".join([*parts, f"sink {seen.sink_degC:.0f} °C"])
 
 
-def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, DerivedFigure]:
+def derive(
+    posterior: Posterior, duties: Sequence[str] = (), budget: Budget | None = None
+) -> dict[str, DerivedFigure]:
     """Return the derived figures by name, as they stand in `fit.json`.
 
     Args:
         posterior: Draws, of any network with any effects.
         duties: Ratings asked for, such as `"S2-30"` and `"S3-40"`, as `parse_duty`.
+        budget: From `budget_of`, of the resistances at stated conditions; None for none.
 
     Raises:
         UsageError: If a rating is none of these.
@@ -239,8 +248,9 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
     problem = posterior.fit.problem
     seen = tested([test.winding for test in problem.tests])
     limit, rise = limits_of(problem.motor, seen.sink_degC)
-    base = alone(posterior)
-    behind = with_effects(posterior, base)
+    draws = posterior.draws
+    base = alone(draws)
+    behind = with_effects(draws, base, seen)
     winding = np.asarray(seen.loaded_winding_degC)
     degC = np.asarray(np.nan if limit is None else limit.degC)
     network = rates(base.model, base.values, seen.loaded, winding)
@@ -257,7 +267,9 @@ def derive(posterior: Posterior, duties: Sequence[str] = ()) -> dict[str, Derive
         second_sink=base.model.form.second_sink,
     )
     is_fed = bool(np.any(np.asarray(drawn.copper_slope)))
-    figures = at_conditions(posterior)
+    figures = {}
+    if base.model.effects:
+        figures = at_conditions(behind, seen, draws.plausible, budget)
     figures |= _time_constants(network, is_fed, times, seen.amperes, around())
     surroundings = around(likely=behind.likely)
     heated = (

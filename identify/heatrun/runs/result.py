@@ -27,6 +27,7 @@ from ..record.blocks import Blocks
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.samples import is_loaded, samples, with_all_heat
+from ..results.budget import Part
 from ..results.model import (
     FIT_FORMAT,
     BodyRow,
@@ -48,6 +49,7 @@ from ..results.model import (
 )
 from ..results.values import Interval, Role
 from ..version import __version__
+from .budget import UNDECIDED, Budget, budget_of
 from .equilibrium import SteadyRise, equilibria
 from .machine import tested
 from .ratings_figures import derive
@@ -164,8 +166,11 @@ def describe_model(
         return do() if attempts is None else attempts.of(step, do, otherwise, where=model.title)
 
     longer = part("the forecast of a longer test", lambda: forecast(fit), {})
+    budget = part("the uncertainty budget", lambda: budget_of(posterior), None)
     main, nuisances = _parameters(posterior, longer)
     main = {name: _widened(entry, undecided.get(name)) for name, entry in main.items()}
+    if budget is not None:
+        main = part("the uncertainty budget", lambda: _with_budgets(main, posterior, budget), main)
     of_noise = noise_parameters(model.adequacy)
     return FittedModel(
         title=model.title,
@@ -194,7 +199,7 @@ def describe_model(
         ),
         bodies=_bodies(predictions, roles),
         posterior=_quality(posterior),
-        derived=part("the ratings", lambda: derive(posterior, duties), {}),
+        derived=part("the ratings", lambda: derive(posterior, duties, budget), {}),
         evidence=part("the evidence", lambda: _evidence(posterior), _no_evidence(fit)),
         maybe_missing=_maybe_missing(posterior),
         replica=part(
@@ -422,6 +427,20 @@ def _widened(entry: FittedParameter, other: Interval | None) -> FittedParameter:
         identifiability="weak" if entry.identifiability == "identified" else entry.identifiability,
         why="it hangs on an effect that these tests do not tell from another.",
     )
+
+
+def _with_budgets(
+    main: Mapping[str, FittedParameter], posterior: Posterior, budget: Budget
+) -> dict[str, FittedParameter]:
+    """Return parameters with where their uncertainty comes from, those of `_widened` too."""
+    found = dict(main)
+    for name, values in posterior.values().items():
+        if name in main:
+            draws = values.ravel()
+            wider = max(main[name].sd ** 2 - float(np.std(draws)) ** 2, 0.0)
+            more = Part(UNDECIDED, "B", math.sqrt(wider))
+            found[name] = replace(main[name], budget=budget(draws, more))
+    return found
 
 
 def _fixed(parameter: Parameter, value: float) -> FittedParameter:

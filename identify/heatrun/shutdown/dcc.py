@@ -9,8 +9,10 @@ from ..io.quantities import clean, quantity
 from ..record.motor import Certificate
 from ..reports.dcc import (
     add,
+    add_budget,
     add_method,
-    add_real,
+    add_named,
+    add_result,
     add_statements,
     add_text,
     add_uncertain,
@@ -20,7 +22,7 @@ from ..reports.dcc import (
 from ..reports.printed import TestDays
 from ..version import __version__
 from .printed import budget_sum
-from .result import BudgetRow, ShutdownResult
+from .result import ShutdownResult
 
 METHOD = "Extrapolation of readings after switch-off to the instant of switch-off"
 
@@ -59,11 +61,7 @@ def dcc_text(result: ShutdownResult, certificate: Certificate) -> bytes:
     add_method(measured, METHOD, HOW, references, __version__, certificate)
     found = add(measured, "results")
     _answer(found, result)
-    data = _result(found, "Uncertainty budget of the temperature (JCGM 100, first order)")
-    for row in result.budget:
-        _source(data, row)
-    total = _named(data, "combined standard uncertainty, first order")
-    add_real(total, f"{result.gum_uncertainty_K:.3g}", "K", label="u_combined")
+    add_budget(found, "the temperature", result.budget, "K", label="u_combined")
     held = add(add(measured, "measurementMetaData"), "metaData")
     add_text(held, "name", f"Readings {clean(result.readings)}")
     add_text(held, "declaration", f"SHA-256: {result.sha256}.")
@@ -71,9 +69,9 @@ def dcc_text(result: ShutdownResult, certificate: Certificate) -> bytes:
 
 
 def _answer(parent: Element, result: ShutdownResult) -> None:
-    data = _result(parent, "Winding at switch-off")
+    data = add_result(parent, "Winding at switch-off")
     sd = result.standard_uncertainty_K
-    winding = _named(data, "temperature of the winding at switch-off")
+    winding = add_named(data, "temperature of the winding at switch-off")
     add_uncertain(winding, result.winding_degC, sd, result.winding_95_degC, "degC", label="winding")
     for name, value, (low, high), label in (
         (f"rise over the sink of {result.sink_degC:.1f} °C", result.rise_K, result.rise_95_K,
@@ -83,30 +81,4 @@ def _answer(parent: Element, result: ShutdownResult) -> None:
     ):  # fmt: skip
         # their draws are not kept: of a normal distribution the interval is 3.92 of it
         spread = (high - low) / 3.92
-        add_uncertain(_named(data, name), value, spread, (low, high), "K", label=label)
-
-
-def _source(data: Element, row: BudgetRow) -> None:
-    """Add a source: what it brings to the answer, and how, in words."""
-    words = f"share of the variance {100.0 * row.share:.2f} %"
-    if row.standard_uncertainty is not None and row.sensitivity is not None:
-        u, unit = f"{row.standard_uncertainty:.3g}", row.unit
-        words = (
-            f"standard uncertainty {quantity(u, unit)}; sensitivity {row.sensitivity:.4g} K per "
-            f"{quantity('1', unit)}; {words}"
-        )
-    add_real(_named(data, row.source, words), f"{row.contribution_K:.3g}", "K")
-
-
-def _result(parent: Element, name: str) -> Element:
-    found = add(parent, "result")
-    add_text(found, "name", name)
-    return add(found, "data")
-
-
-def _named(data: Element, name: str, words: str = "") -> Element:
-    held = add(data, "quantity")
-    add_text(held, "name", name)
-    if words:
-        add_text(held, "description", words)
-    return held
+        add_uncertain(add_named(data, name), value, spread, (low, high), "K", label=label)

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 
+from ..io.quantities import quantity
 from .cooling import NUM_DRAWS
 from .result import Limit, ShutdownResult
 
@@ -56,12 +57,8 @@ def _limit(limit: Limit) -> str:
     left = f"{limit.margin_K:.1f} K left (95 % {ends[0]:.1f} … {ends[1]:.1f} K)"
     if limit.margin_K < 0.0:
         left = f"{-limit.margin_K:.1f} K too hot (95 % {-ends[1]:.1f} … {-ends[0]:.1f} K)"
-    name = f"{limit.name[0].upper()}{limit.name[1:]} {limit.value:g} {_unit(limit.unit)}"
+    name = f"{limit.name[0].upper()}{limit.name[1:]} {quantity(f'{limit.value:g}', limit.unit)}"
     return f"{name}: {left}; within it with a probability of {100.0 * limit.probability:.0f} %"
-
-
-def _unit(unit: str) -> str:
-    return {"degC": "°C", "ohm": "Ω"}.get(unit, unit)
 
 
 def hand_cells(result: ShutdownResult) -> list[tuple[str, str, str]]:
@@ -94,11 +91,11 @@ def budget_cells(result: ShutdownResult) -> list[tuple[str, str, str, str, str]]
     rest = [row for row in result.budget if row.share < LEAST_SHARE]
     for row in (row for row in result.budget if row.share >= LEAST_SHARE):
         sd, slope = row.standard_uncertainty, row.sensitivity
-        u = "" if sd is None else f"{sd:.2g} {row.unit.removeprefix('1')}".rstrip()
+        u = "" if sd is None else quantity(f"{sd:.2g}", row.unit)
         c = "" if slope is None else f"{slope:.3g}"
-        rows.append((row.source, u, c, f"{row.contribution_K:.3f}", f"{100 * row.share:.1f} %"))
+        rows.append((row.source, u, c, f"{row.contribution:.3f}", f"{100 * row.share:.1f} %"))
     if rest:
-        part = math.hypot(*(row.contribution_K for row in rest))
+        part = math.hypot(*(row.contribution for row in rest))
         share = f"{100 * sum(row.share for row in rest):.1f} %"
         rows.append((f"{len(rest)} others", "", "", f"{part:.3f}", share))
     return rows

@@ -1,10 +1,4 @@
-"""The winding at switch-off as a result: value, interval, budget, limits, and whether it stands.
-
-The budget is that of GUM: every source with its standard uncertainty, its sensitivity and its
-share. For an estimate that is linear in readings and prior means it is exact: with the Jacobian
-$J$ of the readings over their scatter and $g$ of the answer, both by standard normal numbers,
-$S = (1 + J^T J)^{-1}$, source $i$ moves the answer by $-(S g)_i$ and the scatter by $|J S g|$.
-"""
+"""The winding at switch-off as a result: value, interval, budget, limits, and whether it stands."""
 
 from __future__ import annotations
 
@@ -14,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..record.motor import LIMIT_DEGC, Motor
-from .cooling import AbstractModes, Cooling, Source, UsualModes
+from ..results.budget import BudgetRow, Part, budget, combined
+from .cooling import AbstractModes, Cooling, UsualModes
 from .graphical import ByHand, allowed_delay_s, by_hand
 from .readings import Readings
 
@@ -33,29 +28,6 @@ MOST_OF = 0.8
 
 STEP = 0.05
 """Of the standard normal numbers in the finite differences of the budget."""
-
-
-@dataclass(frozen=True)
-class BudgetRow:
-    """One source of the uncertainty.
-
-    Attributes:
-        source: In words.
-        unit: Of the source; empty where several numbers stand behind it.
-        standard_uncertainty: Of the source alone [unit]; None where it has no unit.
-        sensitivity: Kelvin of the answer by one unit; None likewise.
-        contribution_K: Standard uncertainty that it brings to the answer [K].
-        share: Of the variance [1].
-        is_extrapolation: Whether an earlier first reading would make it smaller.
-    """
-
-    source: str
-    unit: str
-    standard_uncertainty: float | None
-    sensitivity: float | None
-    contribution_K: float
-    share: float
-    is_extrapolation: bool
 
 
 @dataclass(frozen=True)
@@ -173,9 +145,9 @@ def winding_at_shutdown(
     winding = cooling.true(cooling.winding(z, np.zeros(1)), errors)[:, 0]
     sink = readings.sink_degC + motor.shutdown.sink_sd_K * random.standard_normal(len(z))
     centre, noise = np.mean(z, axis=0), float(np.median(cooling.noise_K(z)))
-    budget = _budget(cooling, centre, noise)
-    gum = float(np.sqrt(sum(row.contribution_K**2 for row in budget)))
-    share = sum(row.share for row in budget if row.is_extrapolation)
+    rows = _budget(cooling, centre, noise)
+    shared = {source.name for source in cooling.instruments.values()}
+    share = sum(row.share for row in rows if row.source not in shared)
     low, high = _interval(winding)
     extrapolation = 0.5 * (high - low) * share**0.5
     is_determinable = extrapolation <= within_K
@@ -191,7 +163,7 @@ def winding_at_shutdown(
         winding_degC=float(np.median(winding)),
         winding_95_degC=(low, high),
         standard_uncertainty_K=float(np.std(winding)),
-        gum_uncertainty_K=gum,
+        gum_uncertainty_K=combined(rows),
         sink_degC=readings.sink_degC,
         rise_K=float(np.median(winding - sink)),
         rise_95_K=_interval(winding - sink),
@@ -205,7 +177,7 @@ def winding_at_shutdown(
                 time_s, degC, readings.sink_degC, allowed_delay_s(motor.shutdown.rated_output_kW)
             )
         ),
-        budget=budget,
+        budget=rows,
         prior=cooling.modes.basis,
         scatter_K=noise,
         time_s=grid,
@@ -250,38 +222,26 @@ def _linear(
 
 
 def _budget(cooling: Cooling, centre: np.ndarray, noise: float) -> tuple[BudgetRow, ...]:
+    """Return the sources by the rule of `heatrun.results.budget`; the readings tell nothing of the
+    instruments.
+    """
     moved, scatter = _linear(cooling, centre, noise)
     at = cooling.winding(centre[None], np.zeros(1))[0]
-    of_instruments = {
-        key: float(cooling.true(at, {key: source.sd})[0] - at[0])
-        for key, source in cooling.instruments.items()
-    }
-    extrapolation = float(np.sum(moved**2) + scatter**2)
-    variance = extrapolation + sum(part**2 for part in of_instruments.values())
     own = {source.name: source for source in (*cooling.sources.values(), cooling.sink)}
-    rows = []
+    parts = []
     for name in dict.fromkeys(cooling.names):
-        part = float(
-            np.linalg.norm(moved[[k for k, one in enumerate(cooling.names) if one == name]])
-        )
+        places = [k for k, one in enumerate(cooling.names) if one == name]
         if name not in own:
-            rows.append(BudgetRow(name, "", None, None, part, part**2 / variance, True))
-            continue
-        sd, part = own[name].standard_uncertainty, float(moved[cooling.names.index(name)])
-        if own[name] == cooling.sources["noise"]:
-            sd, part = noise, scatter
-        rows.append(_row(own[name], sd, part, variance, is_extrapolation=True))
+            parts.append(Part(name, "B", float(np.linalg.norm(moved[places]))))
+        elif own[name] == cooling.sources["noise"]:
+            parts.append(Part(name, "A", scatter, noise, own[name].unit))
+        else:
+            sd, unit = own[name].standard_uncertainty, own[name].unit
+            parts.append(Part(name, "B", float(moved[places[0]]), sd, unit))
     for key, source in cooling.instruments.items():
-        rows.append(_row(source, source.sd, of_instruments[key], variance, is_extrapolation=False))
-    return tuple(sorted(rows, key=lambda row: -row.share))
-
-
-def _row(
-    source: Source, sd: float, part: float, variance: float, *, is_extrapolation: bool
-) -> BudgetRow:
-    return BudgetRow(
-        source.name, source.unit, sd, part / sd, abs(part), part**2 / variance, is_extrapolation
-    )
+        moves = float(cooling.true(at, {key: source.sd})[0] - at[0])
+        parts.append(Part(source.name, "B", moves, source.sd, source.unit))
+    return budget(parts)
 
 
 def _latest(cooling: Cooling, z: np.ndarray, noise: float, within_K: float) -> float | None:

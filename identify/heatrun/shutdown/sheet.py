@@ -21,7 +21,7 @@ from ..io.whole_files import (
     write_whole,
 )
 from ..reports.pdf import typeset
-from ..reports.xlsx_cells import AS_TEXT, Cells, write
+from ..reports.xlsx_cells import AS_TEXT, Cells, add_budget, write
 from ..results import to_json
 from ..version import __version__
 from .printed import answer_lines, budget_cells, budget_sum, figure, hand_cells, table
@@ -68,7 +68,8 @@ def xlsx(result: ShutdownResult) -> bytes:
         book.set_properties({"created": stated_moment() or NO_DATE})
         cells = Cells(book)
         _answer(book, cells, result)
-        _budget(book, cells, result)
+        sheet = book.add_worksheet("Budget")
+        add_budget(sheet, cells, 0, result.budget, result.standard_uncertainty_K, "K")
         _readings(book, cells, result)
     return stream.getvalue()
 
@@ -137,33 +138,6 @@ def _answer(book: Any, cells: Cells, result: ShutdownResult) -> None:
         row += 1
     sheet.set_column(0, 0, 44)
     sheet.set_column(1, 4, 14)
-
-
-def _budget(book: Any, cells: Cells, result: ShutdownResult) -> None:
-    """Write the budget; contribution, share and their sum follow from its cells."""
-    sheet = book.add_worksheet("Budget")
-    head = ("source", "standard uncertainty", "unit", "K per unit", "contribution [K]", "share")
-    sheet.write_row(0, 0, head, cells.bold)
-    last = 1 + len(result.budget)
-    share = book.add_format({"num_format": "0.0%"})
-    for row, one in enumerate(result.budget, start=1):
-        for column, value in enumerate((one.source, one.standard_uncertainty, one.unit,
-                                        one.sensitivity)):  # fmt: skip
-            write(sheet, row, column, value)
-        if one.standard_uncertainty is None:
-            write(sheet, row, 4, one.contribution_K, cells.digits(3))
-        else:
-            product = f"=ABS(B{row + 1}*D{row + 1})"
-            sheet.write_formula(row, 4, product, cells.digits(3), one.contribution_K)
-        part = f"=E{row + 1}^2/SUMSQ(E$2:E${last})"
-        sheet.write_formula(row, 5, part, share, one.share)
-    sheet.write_string(last, 0, "combined, first order (GUM)", cells.bold)
-    total = f"=SQRT(SUMSQ(E2:E{last}))"
-    sheet.write_formula(last, 4, total, cells.digits(3), result.gum_uncertainty_K)
-    sheet.write_string(last + 1, 0, "by draws (JCGM 101)", cells.bold)
-    write(sheet, last + 1, 4, result.standard_uncertainty_K, cells.digits(3))
-    sheet.set_column(0, 0, 40)
-    sheet.set_column(1, 5, 18)
 
 
 def _readings(book: Any, cells: Cells, result: ShutdownResult) -> None:
