@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -36,6 +38,16 @@ def searched(two):
     _, motor, tests, _ = two
     model = Model.of("second", motor).scaled(motor, tests)
     return find(model, motor, [model.with_bodies(test) for test in tests])
+
+
+def test_sets_are_searched_in_one_order_in_every_process():
+    """The order of fits moves their last digits, and on a record without noise what is found."""
+    code = (
+        "from heatrun.effects.engine import Candidate; from lptn.effects import EFFECTS; "
+        "print([each.id for each in frozenset(map(Candidate, EFFECTS))])"
+    )
+    told = {subprocess.check_output([sys.executable, "-c", code]) for _ in range(3)}
+    assert len(told) == 1
 
 
 def test_two_effects_at_once_are_both_found(searched):
