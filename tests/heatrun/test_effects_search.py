@@ -11,6 +11,7 @@ import pytest
 from hidden_machines import machine
 
 from heatrun.effects import engine as engine_module
+from heatrun.effects import search as search_module
 from heatrun.effects.engine import Engine, white
 from heatrun.effects.found import asked_findings, find, with_catalogue
 from heatrun.effects.linear import Linear, evidence
@@ -109,6 +110,18 @@ def test_absent_effects_leave_the_network_as_it_was(search):
     z[list(slots)] = -30.0
     near, absent = (engine.linearise(each, [])[0] for each in (z, none.z))
     np.testing.assert_allclose(near, absent, atol=1e-6)
+
+
+def test_a_set_that_leaves_the_numbers_is_the_least_probable(search, monkeypatch):
+    few = frozenset(search.candidates[:1])
+    lost = replace(search, fitted=dict(search.fitted))
+    with monkeypatch.context() as patched:
+        patched.setattr(search_module, "log_evidence", lambda *given: np.nan)
+        lost.fit(few, search.fitted[frozenset()].z)
+    assert lost.fitted[few].log_weight == -np.inf
+    again = lost.fit(few, search.fitted[frozenset()].z)
+    assert np.isfinite(again.log_weight)
+    assert np.isfinite(list(lost.around(again).values())).all()
 
 
 def test_no_fit_follows_a_slope_that_has_no_square(search, monkeypatch):

@@ -194,6 +194,8 @@ class Search:
             found = self.engine.refit(z, free, noise, most=MOST_EVALUATIONS)
             linear = found.z[list(free)], found.residual, found.jacobian
             evidence = log_evidence(self.engine.problem, noise_z, *linear)
+        if np.isnan(evidence):  # a network that left the numbers is the least probable one
+            evidence = -np.inf
         member = Member(
             effects, free, found.z, noise_z, found.residual, found.jacobian, evidence,
             evidence + self.log_odds(effects),
