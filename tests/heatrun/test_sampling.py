@@ -15,8 +15,8 @@ from heatrun.fit.fit import fit
 from heatrun.model.draws import NUM_NOISE
 from heatrun.model.model import Model
 from heatrun.model.problem import Problem
-from heatrun.posterior import weighted as module
 from heatrun.posterior import posterior as sampling
+from heatrun.posterior import weighted as module
 from heatrun.posterior.convergence import (
     AGREEMENT_WANTED,
     FULL,
