@@ -247,7 +247,6 @@ def cooled(hidden_bench):
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(reason="four effects together mimic the fan: ambiguous", strict=True)
 def test_without_its_name_in_the_catalogue_the_cause_stays_unexplained(cooled):
     """Place and watts are there all the same."""
     _, motor, tests, _ = cooled

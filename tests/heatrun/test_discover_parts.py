@@ -20,6 +20,7 @@ from heatrun.effects.engine import Engine, library, placed, white
 from heatrun.effects.found import with_catalogue
 from heatrun.errors import InputError
 from heatrun.fit.fit import fit
+from heatrun.io.texts import Texts
 from heatrun.model.catalogue import all_effects
 from heatrun.model.model import Model
 from heatrun.model.noise import from_scores
@@ -263,10 +264,10 @@ def test_heat_that_is_missing_at_any_node_is_drawn(bare):
         for node in ("winding", "tooth", "yoke", "sensor")
     ]
     where = Where(courses, [], {}, ("tooth",), {})
-    figure = missing(bare.tests[0].winding, 0, where, where)
+    figure = missing(bare.tests[0].winding, 0, where, where, Texts("de"))
     colours = [axis.lines[0].get_color() for axis in figure.axes[2:6]]
     assert len(set(colours)) == 4
-    assert "missing heat,\ntooth [W]" in [axis.get_ylabel() for axis in figure.axes]
+    assert "fehlende Wärme,\nZähne [W]" in [axis.get_ylabel() for axis in figure.axes]
 
 
 @pytest.mark.parametrize(

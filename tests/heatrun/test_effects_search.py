@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 from hidden_machines import machine
 
 from heatrun.effects import engine as engine_module
+from heatrun.effects import search as search_module
 from heatrun.effects.engine import Engine, white
 from heatrun.effects.found import asked_findings, find, with_catalogue
 from heatrun.effects.linear import Linear, evidence
@@ -36,6 +39,16 @@ def searched(two):
     _, motor, tests, _ = two
     model = Model.of("second", motor).scaled(motor, tests)
     return find(model, motor, [model.with_bodies(test) for test in tests])
+
+
+def test_sets_are_searched_in_one_order_in_every_process():
+    """The order of fits moves their last digits, and on a record without noise what is found."""
+    code = (
+        "from heatrun.effects.engine import Candidate; from lptn.effects import EFFECTS; "
+        "print([each.id for each in frozenset(map(Candidate, EFFECTS))])"
+    )
+    told = {subprocess.check_output([sys.executable, "-c", code]) for _ in range(3)}
+    assert len(told) == 1
 
 
 def test_two_effects_at_once_are_both_found(searched):
@@ -97,6 +110,18 @@ def test_absent_effects_leave_the_network_as_it_was(search):
     z[list(slots)] = -30.0
     near, absent = (engine.linearise(each, [])[0] for each in (z, none.z))
     np.testing.assert_allclose(near, absent, atol=1e-6)
+
+
+def test_a_set_that_leaves_the_numbers_is_the_least_probable(search, monkeypatch):
+    few = frozenset(search.candidates[:1])
+    lost = replace(search, fitted=dict(search.fitted))
+    with monkeypatch.context() as patched:
+        patched.setattr(search_module, "log_evidence", lambda *given: np.nan)
+        lost.fit(few, search.fitted[frozenset()].z)
+    assert lost.fitted[few].log_weight == -np.inf
+    again = lost.fit(few, search.fitted[frozenset()].z)
+    assert np.isfinite(again.log_weight)
+    assert np.isfinite(list(lost.around(again).values())).all()
 
 
 def test_no_fit_follows_a_slope_that_has_no_square(search, monkeypatch):

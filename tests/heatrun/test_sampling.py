@@ -15,8 +15,16 @@ from heatrun.fit.fit import fit
 from heatrun.model.draws import NUM_NOISE
 from heatrun.model.model import Model
 from heatrun.model.problem import Problem
+from heatrun.posterior import posterior as sampling
 from heatrun.posterior import weighted as module
-from heatrun.posterior.convergence import AGREEMENT_WANTED, TAILS, autocorrelation_times, judge
+from heatrun.posterior.convergence import (
+    AGREEMENT_WANTED,
+    FULL,
+    TAILS,
+    autocorrelation_times,
+    is_one_law,
+    judge,
+)
 from heatrun.posterior.ensemble import evolution, of_noise
 from heatrun.posterior.importance import linear_sample
 from heatrun.posterior.posterior import sample
@@ -210,6 +218,29 @@ def test_ensembles_that_differ_have_not_converged(fault):
     assert not found.is_enough
     assert found.agreement < AGREEMENT_WANTED
     assert "the ensembles differ by more than their Monte Carlo errors explain" in found.sentence()
+
+
+def test_importance_samples_stand_in_for_a_long_mcmc_that_agrees(fitted, monkeypatch):
+    monkeypatch.setattr(sampling, "FULL", FULL._replace(size=1e6))
+    found = sample(fitted, seed=2)
+    assert found.method == "importance"
+    assert found.is_sound
+    assert "MCMC agrees and would take" in found.sentence()
+    quick = sample(fitted, method="quick", seed=2)
+    np.testing.assert_array_equal(found.vectors, quick.vectors)
+    monkeypatch.setattr(sampling, "is_one_law", lambda *given: False)
+    assert sample(fitted, seed=2, most_steps=1000).method == "emcee"
+
+
+@pytest.mark.parametrize(
+    ("moved", "wider", "is_one"), [(0, 1, True), (0.3, 1, False), (0, 1.4, False)]
+)
+def test_importance_samples_of_another_law_are_told(moved, wider, is_one):
+    rng = np.random.default_rng(8)
+    draws = rng.standard_normal((1500, 3))
+    draws[:, 1] = moved + wider * draws[:, 1]
+    weights = rng.uniform(0.5, 1.5, 1500)
+    assert is_one_law(autoregressive(4), draws, weights / weights.sum()) is is_one
 
 
 def test_ensembles_of_one_law_are_seldom_held_apart():

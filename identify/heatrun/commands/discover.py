@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         help="your own effects, searched beside the catalogue; the file is executed",
     )
     words.add_sampling(parser)
+    words.add_language(parser, "of report and sheet")
     words.add_out(parser, "run folder (default: results/runs/NAME)")
     words.add_force(parser)
     words.add_verbose(parser, "how each column was read")
@@ -50,11 +52,14 @@ def run(options: argparse.Namespace) -> int:
     from ..model.network_text import network_named
     from ..motor.file import load_motor
     from ..readers.mapping import describe_columns, mapping_text
+    from ..record.motor import Certificate
     from ..reports.terminal import discovery_text
     from ..results import to_json, to_plain
     from ..runs.run_folder import default_folder
 
     motor = load_motor(options.motor)
+    stated = motor.certificate.beneath(Certificate(language=options.language))
+    motor = replace(motor, certificate=stated)
     kinds = all_effects(options.effects)
     network = network_named(options.model)
     known = known_effects(motor, options.effects_known)

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
+from zlib import crc32
 
 import jax
 import jax.numpy as jnp
@@ -459,6 +460,10 @@ class Candidate:
 
     kind: type[AbstractEffect]
     test: int | None = None
+
+    def __hash__(self) -> int:
+        # that of a class is its address: sets would be searched in another order in each process
+        return hash((crc32(self.id.encode()), -1 if self.test is None else self.test))
 
     @property
     def id(self) -> str:

@@ -1,9 +1,9 @@
 """The texts of sheets and reports in the languages that they are printed in, from one table.
 
-`texts.toml` holds each sentence in all languages under a key. What a page says itself (`[page]`) is
-asked for by its key. What runs, reports and findings state in English (`[run]`, `[report]`,
-`[sentence]`) is recognised by the English text of the table, and said `again` in the language of
-the page; of findings sentence by sentence.
+`texts.toml` holds each sentence in all languages under a key. What a page says itself (`[page]`,
+`[discovery]`) is asked for by its key. What runs, reports, discoveries and findings state in
+English (`[run]`, `[report]`, `[discovered]`, `[sentence]`) is recognised by the English text of the
+table, and said `again` in the language of the page; of findings sentence by sentence.
 
 A field of a text is `{name}`, as it is given; `{name:n}`, numbers, with the decimal sign of the
 language, `{name:v}` names with such numbers; `{name:t}` or, without commas in it, `{name:w}`, words
@@ -49,7 +49,7 @@ def _whole() -> dict[str, str]:
     return {row[0]: key for key, row in table().items() if not FIELD.search(row[0])}
 
 
-STATED, OF_FINDINGS = ("run", "report"), ("sentence",)
+STATED, OF_FINDINGS = ("run", "report", "discovered"), ("sentence",)
 """Sections in which a text is recognised."""
 
 
@@ -145,6 +145,8 @@ class Texts:
             return self.number(text)
         if kind in ("w", "t"):
             return self.again(text)
+        if kind == "e":
+            return text.replace(" and ", f" {self('and')} ")
         if kind == "m":
             title, between, effects = text.partition(" with ")
             effects = f" {self('and')} ".join(effects.rsplit(" and ", 1))

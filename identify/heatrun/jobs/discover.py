@@ -12,6 +12,7 @@ from ..calibration import BenchTest, Calibration, Settings, calibrate, identity,
 from ..discovery.result import assemble
 from ..discovery.run import tell
 from ..errors import InputError
+from ..io.texts import LANGUAGES, Texts
 from ..model.catalogue import all_effects
 from ..model.network_text import network_text
 from ..posterior.fit_checks import holding_heat
@@ -112,6 +113,7 @@ def _written(
     work.at("writing", "writing the report")
     folder.write_json("discovery.json", result)
     attempts = Attempts(OUTPUT_FAILED)
+    say = Texts(motor.certificate.language or LANGUAGES[0])
     pairs = list(zip(before, calibration.predictions[name], strict=True))
     figures = attempts.of(
         "the figures of the discovery",
@@ -122,12 +124,13 @@ def _written(
             found.where_before,
             found.where_after,
             folder.partial / "discovery",
+            say,
         ),
         [],
     )
     attempts.of(
         "the report of the discovery",
-        lambda: write_report(result, figures, folder.partial / "discovery.pdf"),
+        lambda: write_report(result, figures, folder.partial / "discovery.pdf", say),
         None,
     )
     whole = replace(

@@ -171,6 +171,32 @@ class Convergence:
         )
 
 
+def is_one_law(
+    chains: Float[np.ndarray, "ensemble step walker parameter"],
+    draws: Float[np.ndarray, "draw parameter"],
+    weights: Float[np.ndarray, " draw"],
+) -> bool:
+    """Return whether means and tails of ensembles and of importance samples differ by no more than
+    their Monte Carlo errors explain.
+
+    Args:
+        chains: Positions after burn-in.
+        draws: The importance samples.
+        weights: Theirs, normalised.
+    """
+    mean, sd = chains.mean(axis=(0, 1, 2)), chains.std(axis=(0, 1, 2))
+    low, high = np.quantile(chains.reshape(-1, chains.shape[-1]), TAILS, axis=0)
+
+    def seen(rows: np.ndarray) -> np.ndarray:
+        return np.concatenate([(rows - mean) / sd, rows <= low, rows >= high], axis=-1)
+
+    walks = np.moveaxis(np.swapaxes(seen(chains), 1, 2), -1, 0)
+    error = autocorrelation_times(walks) / walks[0].size + np.sum(weights**2)
+    gap = weights @ seen(draws) - walks.mean(axis=(1, 2, 3))
+    probability = chdtrc(1, gap**2 / (walks.var(axis=(1, 2, 3)) * error))
+    return bool(np.min(probability) * probability.size >= AGREEMENT_WANTED)
+
+
 class _Seen(NamedTuple):
     """What is seen of some quantities.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
@@ -15,7 +15,7 @@ from jaxtyping import Float
 from ..fit.fit_result import Fit
 from ..model.draws import Draws, PlausibleEffects, of_network
 from ..model.kernels import at_once
-from .convergence import FULL, QUICK, Convergence, judge
+from .convergence import FULL, QUICK, Convergence, is_one_law, judge
 from .importance import importance_sample, starting_sample
 from .weighted import LEAST_EFFECTIVE, PARETO_LIMIT, Weighted, spread
 
@@ -34,6 +34,10 @@ BURN_IN = 0.2
 MOST_STEPS = 24_000
 """Steps of an ensemble after which it is given up, with a verdict that says so. After half of them
 it is, where the autocorrelation time says that the other half would not do."""
+
+LONG = 3000
+"""Steps of an ensemble from which on importance samples stand in for it, where they are reliable
+and agree with it: three tests of several loggers take 4000 and more, one test 1000 to 2500."""
 
 NUM_KEPT = 2000
 """Draws kept: the ensembles and the importance samples that are enough hold less than these."""
@@ -59,6 +63,8 @@ class Posterior:
         convergence: Verdict on the ensembles; None for importance sampling.
         was_to_be_quick: Whether the ensembles stand in for importance samples that could not be
             trusted.
+        spared: Steps that ensembles would have taken which agree with the importance samples;
+            zero where none were begun.
         plausible: Effects behind the draws, where these are averaged over models with one; None
             where all draws are of the network alone.
         alone: The posterior before it was averaged; None where it was not.
@@ -73,6 +79,7 @@ class Posterior:
     weighted: Weighted | None
     convergence: Convergence | None
     was_to_be_quick: bool = False
+    spared: int = 0
     plausible: PlausibleEffects | None = None
     alone: Posterior | None = None
     behind: float | None = None
@@ -108,7 +115,8 @@ class Posterior:
             )
             return self.convergence.sentence() + (why if self.was_to_be_quick else "")
         if self.weighted.is_sound:
-            return f"Importance sampling is reliable ({figures})."
+            why = f" MCMC agrees and would take {self.spared} steps." if self.spared else ""
+            return f"Importance sampling is reliable ({figures}).{why}"
         return f"Importance sampling is not reliable ({figures}): the intervals are indicative."
 
     @property
@@ -174,8 +182,9 @@ def sample(
 
     Args:
         fit: The fit.
-        method: `"emcee"`: MCMC; `"quick"`: importance sampling if it is sound, else MCMC of half
-            the effective sample size.
+        method: `"emcee"`: MCMC, or importance sampling if it is sound and agrees with an MCMC that
+            would take over `LONG` steps; `"quick"`: importance sampling if it is sound, else MCMC
+            of half the effective sample size.
         seed: Random seed.
         folder: Where checkpoints are written and taken up again; None for none.
         progress: Called with a sentence and the share done.
@@ -197,7 +206,7 @@ def sample(
         Ensemble.begin(fit, weighted, num_walkers, index, seed, folder)
         for index in range(NUM_ENSEMBLES)
     ]
-    num_steps = 0
+    num_steps, followed = 0, weighted if is_quick else None
     while True:
         chunks = max(1, int(LOOK_AGAIN * num_steps / CHUNK))
         at_once(lambda ensemble, num=chunks: ensemble.advance(CHUNK, num), ensembles)
@@ -207,11 +216,15 @@ def sample(
         convergence = judge(chains, wanted)
         if (convergence.is_enough and num_steps >= 2 * CHUNK) or num_steps >= most_steps:
             break
+        # until it is enough there is one look more at least, whatever lacks
+        times = max(convergence.times_as_long, 1.0 + LOOK_AGAIN)
+        steps = max(times * num_steps, 2 * CHUNK)
+        steps = CHUNK * math.ceil(steps / CHUNK) if steps < most_steps else most_steps
+        if 2 * CHUNK <= num_steps <= LONG < steps:
+            followed = followed or importance_sample(fit, seed=seed)
+            if followed.is_sound and is_one_law(chains, followed.vectors, followed.weights):
+                return replace(_of_weighted(fit, followed, seed), spared=steps)
         if progress is not None:
-            # until it is enough there is one look more at least, whatever lacks
-            times = max(convergence.times_as_long, 1.0 + LOOK_AGAIN)
-            steps = max(times * num_steps, 2 * CHUNK)
-            steps = CHUNK * math.ceil(steps / CHUNK) if steps < most_steps else most_steps
             progress(f"{instead}{num_steps} of about {steps} steps", num_steps / steps)
         least_steps = wanted.times * convergence.autocorrelation / (1.0 - BURN_IN)
         if num_steps >= most_steps // 2 and least_steps > most_steps:

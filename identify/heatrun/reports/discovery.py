@@ -9,6 +9,7 @@ from typing import Any
 from msgspec import UNSET
 
 from ..io.quantities import clean, printed_unit, quantity, rounded
+from ..io.texts import Texts
 from ..results import DiscoveryResult
 from ..results.discovery import (
     CandidateFate,
@@ -23,81 +24,86 @@ from ..results.values import number
 from .pdf import TEMPLATES, typeset
 from .printed import signed
 
-VERDICTS = {
-    "adequate": "Nothing is missing",
-    "named": "Found what was missing",
-    "ambiguous": "Found a set that these tests cannot separate",
-    "unexplained": "Something is missing that no effect of the catalogue accounts for",
-    "not_identifiable": "Not identifiable from these tests",
-}
-
-LIMITS = (
-    "An effect is in the model where half of the evidence asks for it, beside all others that are, "
-    "and where it closes more than 0.05 K. Held-out tests have no say in it. The laws of the "
-    "catalogue stand for the machine's own: a name says which of them fits, not that no other "
-    "could.",
-    "Half of the evidence counts because no law is an exact copy. A rival is told where it would "
-    "explain the greater part of what the effect does, with a probability above 5 %.",
-)
+LABELS = (
+    "disagree", "missing_effect", "law", "parameters_95", "probability", "not_apart", "rmse_before",
+    "max_before", "after_K", "band_before", "after", "had_been_off", "network_alone",
+    "with_missing", "off_by", "would_separate", "duty_minutes", "current_A", "speed_rpm", "where",
+    "test", "from_min", "to_min", "node", "what_missing", "considered", "effect", "fate",
+    "visible_K", "log_bayes", "why", "visible_means", "rivals_of", "found", "rival", "left_over",
+    "page", "of",
+)  # fmt: skip
+"""Texts that the template sets by itself."""
 
 
-def write_report(result: DiscoveryResult, figures: Sequence[Path], path: Path) -> Path:
+def write_report(result: DiscoveryResult, figures: Sequence[Path], path: Path, say: Texts) -> Path:
     """Write the report as PDF.
 
     Args:
         result: What stands in `discovery.json`.
         figures: Before and after first, then where.
         path: Where it goes; written whole or not at all.
+        say: The texts in the language of the report.
     """
-    return typeset(TEMPLATES / "discovery.typ", report_content(result), figures, path)
+    return typeset(TEMPLATES / "discovery.typ", report_content(result, say), figures, path)
 
 
-def report_content(result: DiscoveryResult) -> dict[str, Any]:
-    """Return the words of the report."""
+def report_content(result: DiscoveryResult, say: Texts) -> dict[str, Any]:
+    """Return the words of the report; what the table of texts lacks stays English, and is said."""
+    content = _content(result, say)
+    remark = [say("rest_in_english")] if say.unknown else []
+    return {**content, "limits": [*content["limits"], *remark]}
+
+
+def _content(result: DiscoveryResult, say: Texts) -> dict[str, Any]:
     test = result.next_test
     left = result.adequacy.after
     return {
         "title": clean(result.motor.name),
         "version": f"heatrun {result.heatrun_version}",
-        "verdict": VERDICTS[result.verdict],
-        "sentence": result.sentence,
-        "effects": [_effect(effect) for effect in result.effects],
+        "verdict": say(f"verdict_{result.verdict}"),
+        "sentence": say.again(result.sentence),
+        "effects": [_effect(effect, say) for effect in result.effects],
         "gap": [
-            _gap(name, gap)
-            for name, gap in (
-                ("calibration tests", result.calibration), ("held-out tests", result.holdout)
+            _gap(say(key), gap, say)
+            for key, gap in (
+                ("fitted_tests", result.calibration), ("held_out_tests", result.holdout)
             )
             if gap is not None
         ],
-        "parameters": [parameter_row(n, p) for n, p in result.parameters.items()],
+        "parameters": [
+            [say.number(cell) for cell in parameter_row(n, p)]
+            for n, p in result.parameters.items()
+        ],
         "next": [] if test is None else [
-            f"From {test.start}: {test.what}. Expected log Bayes factor between "
-            f"{' and '.join(test.separates)}: {test.expected_log_bayes_factor:.0f}."
+            say("next_duty", start=test.start, what=test.what,
+                effects=" and ".join(test.separates),
+                n=f"{test.expected_log_bayes_factor:.0f}")
         ],
         "profile": [] if test is None else [
             [f"{s.minutes:.0f}", f"{s.current_A:.0f}", f"{s.speed_rpm:.0f}"]
             for s in test.profile
         ],
-        "where_words": _where(result.localisation.before),
-        "spans": [_span(span) for span in result.where],
-        "candidates": [_candidate(row) for row in result.candidates],
+        "where_words": _where(result.localisation.before, say),
+        "spans": [_span(span, say) for span in result.where],
+        "candidates": [_candidate(row, say) for row in result.candidates],
         "rivals": [
-            [effect.id, rival.id, f"{number(rival.delta_log_evidence):+.1f}",
-             f"{100 * max(number(rival.share_of_gap), 0):.0f} %", rival.reason]
+            [effect.id, rival.id, say.number(f"{number(rival.delta_log_evidence):+.1f}"),
+             "–" if rival.probability is UNSET else say.number(f"{rival.probability:.2g}"),
+             say.again(rival.reason)]
             for effect in result.effects
             for rival in effect.rivals
         ],
-        "left": (
-            f"Slow misfit {left.slow_misfit_K:.2f} K"
-            f"{'' if left.rmse_K is UNSET else f' in an RMSE of {left.rmse_K:.2f} K'}, noise of a "
-            f"block mean {left.noise_K:.2f} K, low-frequency excess "
-            f"{left.low_frequency_excess:.1f} (1 if only noise)."
+        "left": say(
+            "left_of_misfit", misfit=f"{left.slow_misfit_K:.2f}",
+            rmse="–" if left.rmse_K is UNSET else f"{left.rmse_K:.2f}",
+            noise=f"{left.noise_K:.2f}", excess=f"{left.low_frequency_excess:.1f}",
         ),
-        "limits": list(LIMITS),
+        "limits": [say("limit_asked"), say("limit_half")],
+        "labels": {key: say(key) for key in LABELS},
     }  # fmt: skip
 
 
-def _effect(effect: FoundEffect) -> list[str]:
+def _effect(effect: FoundEffect, say: Texts) -> list[str]:
     numbers = "; ".join(
         f"{name} = {quantity(rounded(p.value), p.unit)} "
         f"({rounded(p.interval_95[0])} … {rounded(p.interval_95[1])})"
@@ -106,17 +112,17 @@ def _effect(effect: FoundEffect) -> list[str]:
     return [
         effect.id,
         effect.law,
-        numbers,
-        f"{effect.probability:.2f}",
+        say.number(numbers),
+        say.number(f"{effect.probability:.2f}"),
         effect.equivalents_in_words() or "–",
     ]
 
 
-def _gap(name: str, gap: Gap | HeldOutGap) -> list[str]:
+def _gap(name: str, gap: Gap | HeldOutGap, say: Texts) -> list[str]:
+    errors_K = gap.rmse_before_K, gap.rmse_after_K, gap.max_before_K, gap.max_after_K
     return [
         name,
-        f"{gap.rmse_before_K:.2f}", f"{gap.rmse_after_K:.2f}",
-        f"{gap.max_before_K:.2f}", f"{gap.max_after_K:.2f}",
+        *(say.number(f"{error:.2f}") for error in errors_K),
         f"{100 * gap.coverage_95_before:.0f} %", f"{100 * gap.coverage_95_after:.0f} %",
     ]  # fmt: skip
 
@@ -137,41 +143,42 @@ def parameter_row(name: str, entry: ParameterBeforeAfter) -> list[str]:
     ]  # fmt: skip
 
 
-def _where(where: LocalisedMisfit) -> str:
+def _where(where: LocalisedMisfit, say: Texts) -> str:
     if not where.nodes:
-        return "No heat is missing anywhere that the tests would show, and the reading is sound."
-    nodes = " and ".join(where.nodes)
-    words = [f"The evidence puts what is missing at: {nodes}."]
+        return say("nowhere")
+    nodes = {node: say.again(node.replace("_", " ")) for node in where.nodes}
+    words = [say("missing_at", nodes=f" {say('and')} ".join(nodes.values()))]
     for node, drivers in where.dependence.items():
         known = {name: value for name, value in drivers.items() if value is not None}
         ranked = sorted(known.items(), key=lambda item: -abs(item[1]))
-        told = ", ".join(f"{name.replace('_', ' ')} {signed(value, 2)}" for name, value in ranked)
-        words.append(f"Correlation of what is missing at the {node} with {told}.")
-    words.append(
-        "It is estimated jointly with the network, which takes part of any cause upon itself."
-    )
-    return " ".join(words)
+        told = ", ".join(
+            f"{say.again(name.replace('_', ' '))} {say.number(signed(value, 2))}"
+            for name, value in ranked
+        )
+        there = say.again(node.replace("_", " "))
+        words.append(say("correlation_at", node=there, drivers=told))
+    return " ".join([*words, say("estimated_jointly")])
 
 
-def _span(span: MissingSpan) -> list[str]:
+def _span(span: MissingSpan, say: Texts) -> list[str]:
     missing, unit = span.missing
     low, high = span.interval_95
     return [
         clean(span.test),
         f"{span.from_s / 60:.0f}",
         f"{span.to_s / 60:.0f}",
-        span.node,
-        f"{missing:+.3g} {unit}",
-        f"{low:+.3g} … {high:+.3g}",
+        say.again(span.node.replace("_", " ")),
+        say.number(f"{missing:+.3g} {unit}"),
+        say.number(f"{low:+.3g} … {high:+.3g}"),
     ]
 
 
-def _candidate(row: CandidateFate) -> list[str]:
-    name = f"{row.id} in {clean(row.test)}" if row.test else row.id
+def _candidate(row: CandidateFate, say: Texts) -> list[str]:
+    name = say("effect_in", effect=row.id, test=clean(row.test)) if row.test else row.id
     return [
         name,
-        row.status,
-        "–" if row.visible_K is UNSET else f"{row.visible_K:.2f}",
-        "–" if row.log_evidence is None else f"{row.log_evidence:+.1f}",
-        row.reason,
+        say.again(row.status),
+        "–" if row.visible_K is UNSET else say.number(f"{row.visible_K:.2f}"),
+        "–" if row.log_evidence is None else say.number(f"{row.log_evidence:+.1f}"),
+        say.again(row.reason),
     ]
