@@ -72,7 +72,11 @@ def sheet_content(
             for name, entry in model.derived.items()
             if name not in ON_PAGE_1 and not name.endswith((LOADED, AT_REST))
         ],
-        "budget": [_budget(line, say) for line in parameter_lines(model, say) if line.budget],
+        "budget": [
+            _budget(line, say)
+            for line in parameter_lines(model, say)
+            if line.budget and "." not in line.name  # those of effects stand in the workbook
+        ],
         "graver": [[say(each.severity), _sentence(each, result, say)] for each in graver],
         "after_findings": _after_findings(graver, len(own) - len(graver), say),
         "comparison": [clean(w) for w in (result.comparison.words if result.comparison else ())],
