@@ -58,12 +58,13 @@ def budget_of(posterior: Posterior) -> Budget:
     effects = np.empty((len(alone.flat), 0)) if plausible is None else plausible.size
     behind = np.concatenate([alone.flat[:, :size], effects], axis=1)
     behind -= behind.mean(axis=0)
+    to_slopes = np.linalg.pinv(behind, rcond=np.finfo(float).eps * max(behind.shape))
     sources: dict[str, list[int]] = {}
     for place, slot in enumerate(fit.slots):
         sources.setdefault(_source(slot), []).append(place)
 
     def of(draws: Float[np.ndarray, " draw"], *more: Part) -> tuple[BudgetRow, ...]:
-        slopes = np.linalg.lstsq(behind, draws - np.mean(draws))[0]
+        slopes = to_slopes @ (draws - np.mean(draws))
         moved = covariance @ slopes[:size]
         parts = [*more]
         for name, places in sources.items():
