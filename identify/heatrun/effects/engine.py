@@ -56,6 +56,9 @@ MAX_EVALUATIONS = 30
 XTOL, FTOL = 1e-4, 1e-4
 """Step and fall of the sum of squares at which a refit ends [1]."""
 
+ROUGHLY = 1e-2
+"""The fall at which one ends whose noise is not the last one [1]."""
+
 REACH = 8.0
 """Prior standard deviations that a parameter of the network may go from its prior's centre, or from
 where a fit without bounds has put it."""
@@ -297,6 +300,7 @@ class Engine:
         free: Sequence[int],
         noise: Noise,
         most: int = MAX_EVALUATIONS,
+        fall: float = FTOL,
     ) -> Refit:
         """Fit some slots by least squares on whitened residuals, the others held.
 
@@ -305,6 +309,7 @@ class Engine:
             free: Slots that are fitted.
             noise: The noise.
             most: Evaluations at most.
+            fall: Fall of the sum of squares at which it ends [1].
         """
         order = list(free)
         low, high = self.bounds(order)
@@ -336,7 +341,8 @@ class Engine:
             jac=slopes,  # pyright: ignore[reportArgumentType]
             bounds=(low, high),
             xtol=XTOL,
-            ftol=FTOL,
+            ftol=fall,
+            x_scale="jac",
             gtol=1e-6,
             max_nfev=most,
         )

@@ -25,7 +25,7 @@ from ..fit.restricted import estimate_noise, log_evidence
 from ..model.discrepancy import no_heat, with_heat
 from ..model.noise import Noise, from_scores
 from ..model.parameters import qualified
-from .engine import Candidate, Engine, Refit, white
+from .engine import ROUGHLY, Candidate, Engine, Refit, white
 from .linear import Linear
 
 Set = frozenset[Candidate]
@@ -175,7 +175,7 @@ class Search:
         noise = white(ROUGH_K) if noise_z is None else from_scores(noise_z)
         evidence, is_far, found = -np.inf, False, None
         for _ in range(NUM_SETTLED):
-            found = self.engine.refit(z, free, noise, most=MOST_EVALUATIONS)
+            found = self.engine.refit(z, free, noise, most=MOST_EVALUATIONS, fall=ROUGHLY)
             z, before = found.z, noise_z
             self.engine = heated(self.engine, z)
             linear = z[list(free)], found.residual, found.jacobian
@@ -267,7 +267,9 @@ class Search:
         starts = [self.placed(each, effects) for each in (member.z, alone)]
         off_K = [self.engine.rms_K(self.engine.linearise(each, ())[0]) for each in starts]
         nearest = starts[int(np.argmin(off_K))]
-        found = self.engine.refit(nearest, free, white(ROUGH_K), most=MOST_EVALUATIONS)
+        found = self.engine.refit(
+            nearest, free, white(ROUGH_K), most=MOST_EVALUATIONS, fall=ROUGHLY
+        )
         self._reached[effects] = self.engine.rms_K(found.residual)
         return self._reached[effects]
 
