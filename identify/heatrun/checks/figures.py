@@ -204,14 +204,6 @@ TIME_BY_SIZE_S = {
 motor of 100 g has 50 s, over fans (100) to still air (600 to 2000, from 3 g to 1 MW); nine times as
 slow is none, even wrapped up. By a coolant from oil in the slots (2) to a jacket (800)."""
 
-LARGER, SMALLER = 0.5, 0.25
-"""Powers of the conductance in W/K that this goes with; the smaller one on the fast side below 1
-W/K. Heat leaves through a surface (L²) and is stored in a volume (L³): at one kind of cooling the
-time constant goes with L, that is with the root of the conductance. Fan-cooled 1 MW (700 W/K) has
-1000 s and more, a water-cooled traction motor (30 W/K) 100 s, a winding with oil in its slots (100
-W/K) 20 s. Small bodies lose heat better than that: a motor of 3 g (0.01 W/K) has 60 s in still air,
-and 10 s if the test shows its winding alone."""
-
 TIME_S = Limits(5.0, 20.0, 4e4, 360e3)
 """And of any size [s]; the largest hydro generators take ten hours."""
 
@@ -427,11 +419,19 @@ def _speeds(record: Record, motor: Motor) -> Iterator[Figure]:
 
 
 def time_limits(conductance_W_per_K: float, sink: str) -> Limits:
-    """Return the limits of the time constant [s] of a machine of a size; of any where it is NaN."""
+    """Return the limits of the time constant [s] of a machine of a size; of any where it is NaN.
+
+    Heat leaves through a surface (L²) and is stored in a volume (L³): at one kind of cooling the
+    time constant goes with L, that is with the root of the conductance. Fan-cooled 1 MW (700 W/K)
+    has 1000 s and more, a water-cooled traction motor (30 W/K) 100 s, a winding with oil in its
+    slots (100 W/K) 20 s. Small bodies lose heat better than that: a motor of 3 g (0.01 W/K) has
+    60 s in still air, and 10 s if the test shows its winding alone; below 1 W/K the fast side goes
+    with the fourth root.
+    """
     if not math.isfinite(conductance_W_per_K):
         return TIME_S
-    slow = conductance_W_per_K**LARGER
-    fast = slow if conductance_W_per_K > 1.0 else conductance_W_per_K**SMALLER
+    slow = math.sqrt(conductance_W_per_K)
+    fast = slow if slow > 1.0 else math.sqrt(slow)
     least, low, high, most, *_ = TIME_BY_SIZE_S[sink]
     least, most = max(TIME_S.least, fast * least), min(TIME_S.most, slow * most)
     low = max(fast * low, 2.0 * least)

@@ -21,14 +21,14 @@ from ..record.channels import CHANNEL
 from ..record.derive import constants_of, derive, formulas
 from ..record.motor import Motor
 from ..record.record import ColumnReading, Finding, Record, Severity
-from ..record.samples import is_measured, place, samples
-from ..record.units import QUANTITIES, Unit, find_unit, to_canonical
+from ..record.samples import place, samples
+from ..record.units import QUANTITIES, Unit, find_unit
 from .figures import RARE, Figure, figures, is_brief
 from .losses import losses_below_copper, losses_negative
 from .sensor import falls_at_once, jumps_at_once
 from .units import ambient_implausible, units_temperature
 
-OTHER_UNIT = {"assumed": 0.5, "name": 0.02, "stated": 0.01}
+OTHER_UNIT = {"assumed": 0.5, "name": 0.02, "stated": 0.01, "derived": 0.01}
 """Prior odds [1] that a column is in another unit, by how its unit is known, in equal parts over
 the other units. Headings are copied from other files, but seldom."""
 
@@ -88,7 +88,7 @@ class OtherReading:
         record: The record as it would be.
         motor: The motor as it would be.
         readings: How the columns were read; empty where that is not known.
-        sentence: What is supposed, for the message.
+        sentence: What is supposed of the motor file.
     """
 
     units: Mapping[str, str]
@@ -113,48 +113,38 @@ def other_readings(record: Record, motor: Motor) -> Iterator[OtherReading]:
     not tell how it was read, every channel counts as read.
     """
     read = {one.channel: one for one in record.mapping}
-    # a time from a sampling rate counts as read too
-    names = [
-        n for n in record.channels if n in CHANNEL and (not read or n in read or n == "time_s")
-    ]
+    present: dict[str, Unit] = {}
     like: dict[str, list[str]] = {}
-    for name in names:
-        like.setdefault(CHANNEL[name].quantity, []).append(name)
-    for group in [[name] for name in names] + [g for g in like.values() if len(g) > 1]:
-        quantity = CHANNEL[group[0]].quantity
-        present = {_unit_of(name, read) for name in group}
-        if len(present) > 1 or quantity == "temperature":
-            continue  # temperatures are told by value, see `heatrun.checks.units`
-        (as_read,) = present
+    for name in record.channels:
+        # a time from a sampling rate counts as read too
+        if name in CHANNEL and (not read or name in read or name == "time_s"):
+            quantity = CHANNEL[name].quantity
+            unit = find_unit(read[name].unit, quantity) if name in read else None
+            present[name] = unit or QUANTITIES[quantity][0]
+            like.setdefault(quantity, []).append(name)
+    like.pop("temperature", None)  # told by value, see `heatrun.checks.units`
+    columns = [[name] for group in like.values() for name in group]
+    for group in columns + [names for names in like.values() if len(names) > 1]:
+        as_read = present[group[0]]
         others: dict[float, Unit] = {}  # Nmm says no more than mNm
-        for unit in QUANTITIES[quantity]:
+        for unit in QUANTITIES[CHANNEL[group[0]].quantity]:
             factor = unit.factor / as_read.factor
             if abs(math.log(factor)) >= math.log(LEAST_FACTOR):
                 others.setdefault(factor, unit)
-        for factor, unit in others.items():
-            one = _otherwise(record, motor, dict.fromkeys(group, unit), factor, len(others))
-            # else beyond all measure, where no figure has a say
-            if all(_num_measured(one.record, n) >= _num_measured(record, n) for n in group):
-                yield one
-    if {"power", "phase current"} <= like.keys():
-        both = (*like["power"], *like["phase current"])
-        for prefix, factor in (("k", 1e3), ("m", 1e-3)):
-            units = {
-                n: find_unit(prefix + _unit_of(n, read).symbol, CHANNEL[n].quantity) for n in both
-            }
-            found = {name: unit for name, unit in units.items() if unit is not None}
-            if len(found) == len(units):
-                yield _otherwise(record, motor, found, factor, len(QUANTITIES["power"]) - 1)
+        for factor, unit in others.items() if {present[n] for n in group} == {as_read} else ():
+            yield _otherwise(record, motor, dict.fromkeys(group, unit), factor, len(others))
+    both = [*like.get("power", ()), *like.get("phase current", ())]
+    for prefix, factor in (
+        (("k", 1e3), ("m", 1e-3)) if {"power", "phase current"} <= set(like) else ()
+    ):
+        units = {n: find_unit(prefix + present[n].symbol, CHANNEL[n].quantity) for n in both}
+        known = {name: unit for name, unit in units.items() if unit is not None}
+        if len(known) == len(both):
+            yield _otherwise(record, motor, known, factor, len(QUANTITIES["power"]) - 1)
     if motor.phase_resistance_ohm is not None:
         for factor, prior, sentence in RESISTANCES:
             right = replace(motor, phase_resistance_ohm=factor * motor.phase_resistance_ohm)
             yield OtherReading({}, factor, prior, record, right, sentence=sentence)
-
-
-def _unit_of(name: str, read: Mapping[str, ColumnReading]) -> Unit:
-    quantity = CHANNEL[name].quantity
-    found = find_unit(read[name].unit, quantity) if name in read else None
-    return found or QUANTITIES[quantity][0]
 
 
 def _otherwise(
@@ -163,34 +153,22 @@ def _otherwise(
     """The record with columns in other units, and what was derived from them anew."""
     read = {one.channel: one for one in record.mapping}
     channels = dict(record.channels)
-    for name, unit in units.items():
-        as_read = _unit_of(name, read)
-        raw = (np.asarray(channels[name], dtype=float) - as_read.offset) / as_read.factor
-        channels[name] = to_canonical(raw, unit)
+    for name in units:
+        channels[name] = factor * np.asarray(channels[name], dtype=float)
     if read:
         for name in formulas(channels, read.keys() | constants_of(record.notes)):
             del channels[name]
         channels, _ = derive(channels, phases=motor.phases, losses=motor.losses)
-    known = [OTHER_UNIT[read[n].unit_from if n in read else "name"] for n in units]
-    symbols = {name: unit.symbol for name, unit in units.items()}
-    if len(set(symbols.values())) == 1:
-        verb = "are" if len(units) > 1 else "is"
-        sentence = f"{' and '.join(symbols)} {verb} in {next(iter(symbols.values()))}"
-    else:
-        sentence = " and ".join(f"{name} is in {unit}" for name, unit in symbols.items())
+    readings = tuple(read[name] for name in units if name in read)
+    prior = max((OTHER_UNIT[one.unit_from] for one in readings), default=OTHER_UNIT["name"])
     return OtherReading(
-        symbols,
+        {name: unit.symbol for name, unit in units.items()},
         factor,
-        max(known) / num_others * (GROUP if len(units) > 1 else 1.0),
+        prior / num_others * (GROUP if len(units) > 1 else 1.0),
         replace(record, channels=channels, findings=()),
         motor,
-        tuple(read[name] for name in units if name in read),
-        sentence,
+        readings,
     )
-
-
-def _num_measured(record: Record, name: str) -> int:
-    return int(np.sum(is_measured(np.asarray(record[name], dtype=float))))
 
 
 def _num_symptoms(record: Record, motor: Motor) -> int:
@@ -303,10 +281,17 @@ def _thinned(record: Record) -> Record:
 
 
 def _supposed(one: OtherReading) -> str:
-    if not one.readings:
+    units = list(dict.fromkeys(one.units.values()))
+    if not units:
         return one.sentence
+    if len(units) > 1:
+        said = " and ".join(f"{name} was in {unit}" for name, unit in one.units.items())
+    else:
+        name = " and ".join(one.units)
+        verb = "were" if len(one.units) > 1 or name == "losses_W" else "was"
+        said = f"{SPOKEN.get(name, name)} {verb} in {units[0]}"
     was = ", ".join(dict.fromkeys(read_as(reading) for reading in one.readings))
-    return f"{_spoken(one)} (read as {was})"
+    return f"{said} (read as {was})" if was else said
 
 
 def read_as(reading: ColumnReading) -> str:
@@ -316,13 +301,6 @@ def read_as(reading: ColumnReading) -> str:
     how = {"stated": "as the file or [columns] states", "name": "by the name",
            "assumed": "assumed, no unit given"}  # fmt: skip
     return f"{reading.unit}, {how[reading.unit_from]}"
-
-
-def _spoken(one: OtherReading) -> str:
-    if len(one.units) == 1 and (name := next(iter(one.units))) in SPOKEN:
-        verb = "were" if name == "losses_W" else "was"
-        return f"{SPOKEN[name]} {verb} in {one.units[name]}"
-    return one.sentence.replace(" is in", " was in").replace(" are in", " were in")
 
 
 def _remedy(named: Sequence[OtherReading], record: Record, left: str) -> str:
