@@ -189,30 +189,58 @@ def test_a_wrong_unit_is_named(case, machine):
         assert SAID.get(case, "DC power" if only is DRIVE else "") in finding.message
 
 
+def from_load_on(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """A record without what was before the load."""
+    is_loaded = columns["losses_W"] > 0.1 * np.max(columns["losses_W"])
+    first = max(0, int(np.argmax(is_loaded)) - 1)
+    kept = {name: values[first:] for name, values in columns.items()}
+    return {**kept, "time_s": kept["time_s"] - kept["time_s"][0]}
+
+
+# by channel factor and offset of what is read; the first is told, with its severity; hall [K]
+KELVIN, FAHRENHEIT = (1.0, 273.15), (1.8, 32.0)
 TEMPERATURES = {
-    "all in kelvin": (("ambient_degC", "winding_degC"), 1.0, 273.15, "ambient_degC", "error"),
-    "winding in kelvin": (("winding_degC",), 1.0, 273.15, "winding_degC", "error"),
-    "ambient in kelvin": (("ambient_degC",), 1.0, 273.15, "ambient_degC", "error"),
-    "all in Fahrenheit": (("ambient_degC", "winding_degC"), 1.8, 32.0, "ambient_degC", "error"),
-    "ambient in Fahrenheit": (("ambient_degC",), 1.8, 32.0, "ambient_degC", "error"),
+    "all in kelvin": ({"ambient_degC": KELVIN, "winding_degC": KELVIN}, "[K]", "error", 0.0),
+    "winding in kelvin": ({"winding_degC": KELVIN}, "[K]", "error", 0.0),
+    "ambient in kelvin": ({"ambient_degC": KELVIN}, "[K]", "error", 0.0),
+    "all in Fahrenheit": (
+        {"ambient_degC": FAHRENHEIT, "winding_degC": FAHRENHEIT}, "[degF]", "error", 0.0
+    ),
+    "ambient in Fahrenheit": ({"ambient_degC": FAHRENHEIT}, "[degF]", "error", 0.0),
+    "ambient in Fahrenheit, 1.5 K off": ({"ambient_degC": (1.8, 34.7)}, "[degF]", "error", 0.0),
     # a winding of 72 degC in air of 22 degC is a hot start as well
-    "winding in Fahrenheit": (("winding_degC",), 1.8, 32.0, "winding_degC", "warning"),
-}
+    "winding in Fahrenheit": ({"winding_degC": FAHRENHEIT}, "[degF]", "warning", 0.0),
+    "winding in Fahrenheit, 2 K off": ({"winding_degC": (1.8, 35.6)}, "[degF]", "warning", 0.0),
+    "winding in Fahrenheit, -2 K off": ({"winding_degC": (1.8, 28.4)}, "[degF]", "warning", 0.0),
+    "winding in Fahrenheit, cold": ({"winding_degC": FAHRENHEIT}, "[degF]", "warning", -20.0),
+    "tenths": ({"winding_degC": (10.0, 0.0)}, "by 10 before", "error", 0.0),
+    "hundredths, cold": ({"winding_degC": (100.0, 0.0)}, "by 100 before", "error", -15.0),
+    "thousandths": ({"winding_degC": (1000.0, 0.0)}, "by 1000 before", "error", 0.0),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("case", "machine"), in_turn(TEMPERATURES, [m for m in MACHINES if m.sink == "ambient"])
 )
 def test_a_wrong_unit_of_temperature_is_named(case, machine):
-    names, factor, offset, channel, severity = TEMPERATURES[case]
+    changes, said, severity, hall_K = TEMPERATURES[case]
+    motor, channel = motor_of(machine), next(iter(changes))
     columns = dict(made(machine, "steps"))
-    columns |= {name: factor * columns[name] + offset for name in names}
-    record, motor = as_read(columns), motor_of(machine)
-    named = [f for f in checked(record, motor, "units_temperature") if channel in f.where]
-    assert [f.severity for f in named] == [severity]
-    symbol = "K" if factor == 1.0 else "degF"
-    assert f'{channel} = "column of {channel} [{symbol}]"' in named[0].remedy
-    assert not checked(record, motor, "unit_suspected")
+    # the copper loss stays as it is
+    columns |= {n: values + hall_K for n, values in columns.items() if n.endswith("degC")}
+    columns |= {n: factor * columns[n] + offset for n, (factor, offset) in changes.items()}
+    for read in (columns, from_load_on(columns)):
+        (named,) = (
+            one for one in checked(as_read(read), motor, "units_temperature")
+            if channel in one.where
+        )  # fmt: skip
+        assert named.severity == severity
+        assert f'{channel} = "column of {channel} [' in named.remedy
+        assert said in named.remedy
+        assert not checked(as_read(read), motor, "unit_suspected")
+    # what the motor file decides is a warning, but for kelvin
+    (named, *_) = checked(as_read(columns, is_decided=True), motor, "units_temperature")
+    assert named.severity == (severity if "K" in said else "warning")
 
 
 INVISIBLE = {

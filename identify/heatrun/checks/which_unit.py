@@ -223,8 +223,11 @@ def unit_suspected(record: Record, motor: Motor) -> Iterator[Finding]:
     record = _thinned(record)
     found = list(figures(record, motor))
     beyond = sorted((f for f in found if f.sentence), key=lambda f: -f.cost)
-    if not beyond or any(f.severity == "error" for f in units_temperature(record, motor)):
+    if not beyond:
         return
+    is_decided = record.decided.issuperset(("winding_degC", "ambient_degC"))
+    if any(f.severity == "error" or not is_decided for f in units_temperature(record, motor)):
+        return  # in another unit the temperatures make every figure wrong
     readings, liquid, else_ = _posterior(record, motor, found)
     likely = sum(probability for probability, _ in readings)
     if likely + liquid + else_ <= WARNING:
