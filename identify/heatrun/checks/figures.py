@@ -237,13 +237,6 @@ may hide: 1.15/9.55."""
 MOST_COPPER = 0.3
 """Share of the copper loss in the total [1] above which it is the copper that takes the power."""
 
-LOSSES_OVER_DIFFERENCE = Limits(1.0 / 3.0, 0.6, 1.7, 3.0)
-"""Losses over the difference of powers [1]; what bearings, the inverter or a factory calibration
-leave out is less."""
-
-LEAST_DIFFERENCE = 0.03
-"""Below this share of the power [1] the difference of two powers is one of their errors."""
-
 LOSSES_OVER_SHAFT = Limits(0.003, 0.01, math.inf, math.inf)
 """Losses over shaft power [1]: the largest generators reach an efficiency of 99 %, no machine
 99.7."""
@@ -332,9 +325,8 @@ def _powers(record: Record, motor: Motor) -> Iterator[Figure]:
         _, copper = copper_shares(record, motor)
         is_copper = copper.size >= 3 and float(np.median(copper)) >= MOST_COPPER
         yield from _efficiency(power["electrical"], power["shaft"], is_copper, (*way.needs, *rods))
-    if way is not None and "losses" in power:
-        channels = ("losses_W", *way.needs, *rods)
-        yield from _difference(**power, channels=channels, is_dc=way.channel == "dc_power_W")
+    if way is not None and way.channel == "dc_power_W" and "losses" in power:
+        yield from _share_of_inverter(**power, channels=("losses_W", *way.needs, *rods))
 
 
 def _losses_over_shaft(
@@ -372,26 +364,11 @@ def _efficiency(
     yield _figure("efficiency", value, EFFICIENCY, channels, below, above)
 
 
-def _difference(
-    electrical: np.ndarray,
-    shaft: np.ndarray,
-    losses: np.ndarray,
-    channels: tuple[str, ...],
-    is_dc: bool,
+def _share_of_inverter(
+    electrical: np.ndarray, shaft: np.ndarray, losses: np.ndarray, channels: tuple[str, ...]
 ) -> Iterator[Figure]:
-    """Recorded losses against the difference of recorded powers, and what is left of DC power."""
-    difference = electrical - shaft
-    larger = np.maximum(np.abs(electrical), np.abs(shaft))
-    is_known = (losses > 0.0) & (difference > LEAST_DIFFERENCE * larger) & _is_high(larger)
-    ratio = 1.0  # a difference that is too small says nothing
-    if np.sum(is_known) >= 3:
-        ratio = float(np.median(losses[is_known] / difference[is_known]))
-    # Behind an inverter the difference also holds the inverter's losses: it may be larger.
-    ratio = max(ratio, 1.0) if is_dc else ratio
-    said = f"Expected losses_W = electrical power - shaft power; it is {rounded(ratio)} times that."
-    yield _figure("losses_over_difference", ratio, LOSSES_OVER_DIFFERENCE, channels, said, said)
     loaded = _is_high(electrical)
-    if not is_dc or np.sum(loaded) < 3 or np.mean(shaft[loaded] > 0.0) < TURNS:
+    if np.sum(loaded) < 3 or np.mean(shaft[loaded] > 0.0) < TURNS:
         return
     share = float(np.median((1.0 - (shaft + losses) / electrical)[loaded]))
     told = 100.0 * (1.0 - share)

@@ -25,7 +25,6 @@ from ..record.samples import place, samples
 from ..record.units import QUANTITIES, Unit, find_unit
 from .figures import RARE, Figure, figures, is_brief
 from .losses import losses_below_copper, losses_negative
-from .sensor import falls_at_once, jumps_at_once
 from .units import ambient_implausible, units_temperature
 
 OTHER_UNIT = {"assumed": 0.5, "name": 0.02, "stated": 0.01, "derived": 0.01}
@@ -49,12 +48,8 @@ OTHER_COOLING = 0.001
 SOMETHING_ELSE = 1e-6
 """Prior odds times likelihood [1] of a fault that is no unit and that no other check sees."""
 
-SYMPTOMS = (jumps_at_once, falls_at_once, losses_negative, ambient_implausible)
-"""Checks whose errors a misread unit brings about too."""
-
-FAULT = math.log(20.0)
-"""Minus the logarithm of the likelihood of each of them [1]: faults of sensors and signs are
-frequent."""
+ALSO_SAID = (losses_negative, losses_below_copper, ambient_implausible)
+"""Checks whose errors break figures too, and are no unit's where no unit mends them."""
 
 LEAST_FACTOR = 1.4
 """Units closer than this [1], such as foot-pounds and newton metres, are no matter of figures that
@@ -171,14 +166,6 @@ def _otherwise(
     )
 
 
-def _num_symptoms(record: Record, motor: Motor) -> int:
-    found = (check(record, motor) for check in SYMPTOMS)
-    return sum(
-        said if isinstance(said, bool) else any(one.severity == "error" for one in said)
-        for said in found
-    )
-
-
 def _posterior(
     record: Record, motor: Motor, found: Sequence[Figure]
 ) -> tuple[list[tuple[float, OtherReading]], float, float]:
@@ -196,8 +183,7 @@ def _posterior(
             if total > most:
                 return total
         # what a reading no longer shows is no better than it was, nor than at its limit
-        total += sum(max(each, RARE) for each in missing.values())
-        return total + FAULT * _num_symptoms(record, motor)
+        return total + sum(max(each, RARE) for each in missing.values())
 
     as_read = cost(record, motor, math.inf)
     weights: list[tuple[float, OtherReading]] = []
@@ -237,8 +223,9 @@ def unit_suspected(record: Record, motor: Motor) -> Iterator[Finding]:
     severity: Severity = "error" if likely > ERROR else "warning"
     left = MILDER[severity]
     if not named:
-        if liquid > else_ or _num_symptoms(record, motor):
-            return  # no unit, and the cooling or what another check names
+        others = (one for check in ALSO_SAID for one in check(record, motor))
+        if liquid > else_ or any(one.severity == "error" for one in others):
+            return  # no unit, but the cooling, or what another check names
         consistent = (
             "No other unit of a single column resolves the contradiction; fitted parameters may be "
             "wrong."
