@@ -121,20 +121,20 @@ def other_readings(record: Record, motor: Motor) -> Iterator[OtherReading]:
     columns = [[name] for group in like.values() for name in group]
     for group in columns + [names for names in like.values() if len(names) > 1]:
         as_read = present[group[0]]
+        if any(present[name] != as_read for name in group):
+            continue
         others: dict[float, Unit] = {}  # Nmm says no more than mNm
         for unit in QUANTITIES[CHANNEL[group[0]].quantity]:
             factor = unit.factor / as_read.factor
             if abs(math.log(factor)) >= math.log(LEAST_FACTOR):
                 others.setdefault(factor, unit)
-        for factor, unit in others.items() if {present[n] for n in group} == {as_read} else ():
+        for factor, unit in others.items():
             yield _otherwise(record, motor, dict.fromkeys(group, unit), factor, len(others))
     both = [*like.get("power", ()), *like.get("phase current", ())]
-    for prefix, factor in (
-        (("k", 1e3), ("m", 1e-3)) if {"power", "phase current"} <= set(like) else ()
-    ):
+    for prefix, factor in (("k", 1e3), ("m", 1e-3)):
         units = {n: find_unit(prefix + present[n].symbol, CHANNEL[n].quantity) for n in both}
         known = {name: unit for name, unit in units.items() if unit is not None}
-        if len(known) == len(both):
+        if len(known) == len(both) and {"power", "phase current"} <= like.keys():
             yield _otherwise(record, motor, known, factor, len(QUANTITIES["power"]) - 1)
     if motor.phase_resistance_ohm is not None:
         for factor, prior, sentence in RESISTANCES:
