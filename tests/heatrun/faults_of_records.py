@@ -260,23 +260,6 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
         edited(CLEAN, "losses_W", 20.0, 140.0, lambda P: 0.5 * P), MOTOR, "warning",
     ),
     "standstill that agrees": ("standstill_losses", LOCKED, MOTOR, "note"),
-    "Fahrenheit": (
-        "units_temperature",
-        changed(
-            CLEAN,
-            winding_degC=32.0 + 1.8 * CLEAN["winding_degC"],
-            ambient_degC=32.0 + 1.8 * CLEAN["ambient_degC"],
-        ),
-        MOTOR, "error",
-    ),
-    "Fahrenheit in the winding alone": (
-        "units_temperature",
-        changed(CLEAN, winding_degC=32.0 + 1.8 * CLEAN["winding_degC"]), MOTOR, "warning",
-    ),
-    "Fahrenheit in the ambient alone": (
-        "units_temperature",
-        changed(CLEAN, ambient_degC=32.0 + 1.8 * CLEAN["ambient_degC"]), MOTOR, "error",
-    ),
     "chamber at 70 degC, unit declared": (
         "units_temperature",
         replace(

@@ -28,8 +28,8 @@ import heatrun
 from heatrun.checks import check_record, excitation
 from heatrun.checks.quick_fit import quick_fit
 from heatrun.checks.suitability import other_tests
-from heatrun.checks.suspicion.which_unit import read_as
 from heatrun.checks.unexplained import unexplained_movement
+from heatrun.checks.which_unit import read_as
 from heatrun.cli import main
 from heatrun.commands.loading import load
 from heatrun.motor.file import load_motor, parse_motor

@@ -29,7 +29,7 @@ from bench_machines import (
 
 from heatrun import checks
 from heatrun.checks.sensor import falls_at_once
-from heatrun.checks.suspicion import unit_suspected
+from heatrun.checks.which_unit import unit_suspected
 from heatrun.motor.file import load_motor
 from heatrun.readers.align import join
 from heatrun.readers.read import read_record
@@ -42,12 +42,20 @@ WHOLE = (
     "time_s", "phase_current_A", "electrical_power_W", "speed_rpm", "torque_Nm", "ambient_degC",
     "coolant_degC", "winding_degC",
 )  # fmt: skip
+SHAFT = (*FIVE, "speed_rpm", "torque_Nm")
+DRIVE = (*SHAFT, "dc_power_W")
 UNITS = {
     "time_s": "s", "phase_current_A": "A_rms", "losses_W": "W", "electrical_power_W": "W",
     "speed_rpm": "rpm", "torque_Nm": "Nm",
 }  # fmt: skip
 
-made = cache(bench_record)
+
+@cache
+def made(machine: Machine, duty: str) -> dict[str, np.ndarray]:
+    """A record with DC power too; the inverter takes 4 % of it and a share of the copper loss."""
+    columns = bench_record(machine, duty)
+    copper = 3.0 * machine.resistance * columns["phase_current_A"] ** 2
+    return {**columns, "dc_power_W": columns["electrical_power_W"] / 0.96 + 0.2 * copper}
 
 
 def motor_of(machine: Machine, *, is_resistance_known: bool = True) -> Motor:
@@ -94,7 +102,7 @@ def supposed(finding: Finding) -> list[str]:
 @pytest.mark.parametrize("duty", list(DUTIES))
 def test_a_clean_record_of_any_machine_is_not_asked_about(machine, duty):
     columns = made(machine, duty)
-    for only in (FIVE, WHOLE):
+    for only in (FIVE, WHOLE, SHAFT, DRIVE):
         for is_known in (True, False):
             motor = motor_of(machine, is_resistance_known=is_known)
             assert asked(as_read(columns, only=only), motor) == []
@@ -128,74 +136,111 @@ def test_a_real_fault_is_not_taken_for_a_unit(machine):
         assert asked(as_read({**columns, **changed}), motor) == [], name
 
 
-# wrong unit: factor on what is read, its name, severity with five channels and with all
-CASES: dict[str, tuple[dict[str, float], str, str, str]] = {
-    "minutes": ({"time_s": 1.0 / 60.0}, "factor_time_s_min", "error", "error"),
-    "hours": ({"time_s": 1.0 / 3600.0}, "factor_time_s_h", "error", "error"),
-    "milliseconds": ({"time_s": 1e3}, "factor_time_s_ms", "error", "error"),
-    "losses in kW": ({"losses_W": 1e-3}, "factor_losses_W_kW", "error", ""),
+# wrong unit: factors on what is read, its name, and by the columns the severity at least
+CASES: dict[str, tuple[dict[str, float], str, dict[tuple[str, ...], str]]] = {
+    "minutes": ({"time_s": 1.0 / 60.0}, "time_s_min", {FIVE: "error", WHOLE: "error"}),
+    "hours": ({"time_s": 1.0 / 3600.0}, "time_s_h", {FIVE: "error", WHOLE: "error"}),
+    "milliseconds": ({"time_s": 1e3}, "time_s_ms", {FIVE: "error", WHOLE: "error"}),
+    "microseconds": ({"time_s": 1e6}, "time_s_us", {FIVE: "error"}),
+    "nanoseconds": ({"time_s": 1e9}, "time_s_ns", {FIVE: "error"}),
+    "losses in kW": ({"losses_W": 1e-3}, "losses_W_kW", {FIVE: "error", SHAFT: "error"}),
     # little copper loss is what a machine without load has: odd, and no more
-    "losses in mW": ({"losses_W": 1e3}, "factor_losses_W_mW", "warning", ""),
+    "losses in mW": ({"losses_W": 1e3}, "losses_W_mW", {FIVE: "warning"}),
     "current in mA": (
-        {"phase_current_A": 1e3}, "factor_phase_current_A_mA_rms", "error", "error"
+        {"phase_current_A": 1e3}, "phase_current_A_mA_rms", {FIVE: "error", WHOLE: "error"}
     ),
     "current in kA": (
-        {"phase_current_A": 1e-3}, "factor_phase_current_A_kA_rms", "warning", "warning"
+        {"phase_current_A": 1e-3}, "phase_current_A_kA_rms", {FIVE: "warning", WHOLE: "warning"}
     ),
-    "power in kW": (
-        {"electrical_power_W": 1e-3}, "factor_electrical_power_W_kW", "", "error"
+    "losses and current in kW and kA": (
+        {"losses_W": 1e-3, "phase_current_A": 1e-3},
+        "losses_W_and_phase_current_A_kW_and_kA_rms", {SHAFT: "error"},
     ),
-    "torque in mNm": ({"torque_Nm": 1e3}, "factor_torque_Nm_mNm", "", "error"),
+    "losses and current in mW and mA": (
+        {"losses_W": 1e3, "phase_current_A": 1e3},
+        "losses_W_and_phase_current_A_mW_and_mA_rms", {SHAFT: "error"},
+    ),
+    "power in kW": ({"electrical_power_W": 1e-3}, "electrical_power_W_kW", {WHOLE: "error"}),
+    "torque in mNm": ({"torque_Nm": 1e3}, "torque_Nm_mNm", {WHOLE: "error", SHAFT: "error"}),
+    "torque in kNm": ({"torque_Nm": 1e-3}, "torque_Nm_kNm", {DRIVE: "warning"}),
     # an efficiency of 10 % exists
     "speed in rad/s": (
-        {"speed_rpm": np.pi / 30.0}, "factor_speed_rpm_rad/s", "", "warning"
+        {"speed_rpm": np.pi / 30.0}, "speed_rpm_rad/s", {WHOLE: "warning", DRIVE: "warning"}
     ),
-    "speed in krpm": ({"speed_rpm": 1e-3}, "factor_speed_rpm_krpm", "", "warning"),
+    "speed in krpm": ({"speed_rpm": 1e-3}, "speed_rpm_krpm", {WHOLE: "warning", DRIVE: "warning"}),
+    "speed in rev/s": ({"speed_rpm": 1.0 / 60.0}, "speed_rpm_rev/s", {DRIVE: "warning"}),
 }  # fmt: skip
+SAID = {"microseconds": "years", "nanoseconds": "years", "losses in mW": "copper loss is only"}
 
 
 @pytest.mark.parametrize(("case", "machine"), in_turn(CASES, MACHINES))
 def test_a_wrong_unit_is_named(case, machine):
-    factors, name, *severities = CASES[case]
-    for only, severity in zip((FIVE, WHOLE), severities, strict=True):
-        if not severity:
-            continue
+    factors, name, severities = CASES[case]
+    for only, severity in severities.items():
         record = as_read(made(machine, "steps"), only=only, factors=factors)
         (finding,) = asked(record, motor_of(machine))
-        assert name in supposed(finding), finding
-        # a factor is named once, or beside one other that the record cannot tell from it
+        # a factor is named once, or beside others that the record cannot tell from it
+        assert f"factor_{name}" in supposed(finding), finding
         assert len(supposed(finding)) <= 3
-        graver = {"warning": ("warning", "error"), "error": ("error",)}[severity]
-        assert finding.severity in graver
-        unit = name.rsplit("_", 2)[-2] if name.endswith("_rms") else name.rsplit("_", 1)[-1]
-        assert f"{unit}" in finding.message
+        assert finding.severity in {"warning": ("warning", "error"), "error": ("error",)}[severity]
         assert "into [columns]" in finding.remedy
+        for channel in factors:
+            assert f'{channel} = "column of {channel} [' in finding.remedy
+        assert SAID.get(case, "DC power" if only is DRIVE else "") in finding.message
 
 
+def from_load_on(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """A record without what was before the load."""
+    is_loaded = columns["losses_W"] > 0.1 * np.max(columns["losses_W"])
+    first = max(0, int(np.argmax(is_loaded)) - 1)
+    kept = {name: values[first:] for name, values in columns.items()}
+    return {**kept, "time_s": kept["time_s"] - kept["time_s"][0]}
+
+
+# by channel factor and offset of what is read; the first is told, with its severity; hall [K]
+KELVIN, FAHRENHEIT = (1.0, 273.15), (1.8, 32.0)
 TEMPERATURES = {
-    "all in kelvin": (("ambient_degC", "winding_degC"), 1.0, 273.15, "ambient_degC", "error"),
-    "winding in kelvin": (("winding_degC",), 1.0, 273.15, "winding_degC", "error"),
-    "ambient in kelvin": (("ambient_degC",), 1.0, 273.15, "ambient_degC", "error"),
-    "all in Fahrenheit": (("ambient_degC", "winding_degC"), 1.8, 32.0, "ambient_degC", "error"),
-    "ambient in Fahrenheit": (("ambient_degC",), 1.8, 32.0, "ambient_degC", "error"),
+    "all in kelvin": ({"ambient_degC": KELVIN, "winding_degC": KELVIN}, "[K]", "error", 0.0),
+    "winding in kelvin": ({"winding_degC": KELVIN}, "[K]", "error", 0.0),
+    "ambient in kelvin": ({"ambient_degC": KELVIN}, "[K]", "error", 0.0),
+    "all in Fahrenheit": (
+        {"ambient_degC": FAHRENHEIT, "winding_degC": FAHRENHEIT}, "[degF]", "error", 0.0
+    ),
+    "ambient in Fahrenheit": ({"ambient_degC": FAHRENHEIT}, "[degF]", "error", 0.0),
+    "ambient in Fahrenheit, 1.5 K off": ({"ambient_degC": (1.8, 34.7)}, "[degF]", "error", 0.0),
     # a winding of 72 degC in air of 22 degC is a hot start as well
-    "winding in Fahrenheit": (("winding_degC",), 1.8, 32.0, "winding_degC", "warning"),
-}
+    "winding in Fahrenheit": ({"winding_degC": FAHRENHEIT}, "[degF]", "warning", 0.0),
+    "winding in Fahrenheit, 2 K off": ({"winding_degC": (1.8, 35.6)}, "[degF]", "warning", 0.0),
+    "winding in Fahrenheit, -2 K off": ({"winding_degC": (1.8, 28.4)}, "[degF]", "warning", 0.0),
+    "winding in Fahrenheit, cold": ({"winding_degC": FAHRENHEIT}, "[degF]", "warning", -20.0),
+    "tenths": ({"winding_degC": (10.0, 0.0)}, "by 10 before", "error", 0.0),
+    "hundredths, cold": ({"winding_degC": (100.0, 0.0)}, "by 100 before", "error", -15.0),
+    "thousandths": ({"winding_degC": (1000.0, 0.0)}, "by 1000 before", "error", 0.0),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("case", "machine"), in_turn(TEMPERATURES, [m for m in MACHINES if m.sink == "ambient"])
 )
 def test_a_wrong_unit_of_temperature_is_named(case, machine):
-    names, factor, offset, channel, severity = TEMPERATURES[case]
+    changes, said, severity, hall_K = TEMPERATURES[case]
+    motor, channel = motor_of(machine), next(iter(changes))
     columns = dict(made(machine, "steps"))
-    columns |= {name: factor * columns[name] + offset for name in names}
-    record, motor = as_read(columns), motor_of(machine)
-    named = [f for f in checked(record, motor, "units_temperature") if channel in f.where]
-    assert [f.severity for f in named] == [severity]
-    symbol = "K" if factor == 1.0 else "degF"
-    assert f'{channel} = "column of {channel} [{symbol}]"' in named[0].remedy
-    assert not checked(record, motor, "unit_suspected")
+    # the copper loss stays as it is
+    columns |= {n: values + hall_K for n, values in columns.items() if n.endswith("degC")}
+    columns |= {n: factor * columns[n] + offset for n, (factor, offset) in changes.items()}
+    for read in (columns, from_load_on(columns)):
+        (named,) = (
+            one for one in checked(as_read(read), motor, "units_temperature")
+            if channel in one.where
+        )  # fmt: skip
+        assert named.severity == severity
+        assert f'{channel} = "column of {channel} [' in named.remedy
+        assert said in named.remedy
+        assert not checked(as_read(read), motor, "unit_suspected")
+    # what the motor file decides is a warning, but for kelvin
+    (named, *_) = checked(as_read(columns, is_decided=True), motor, "units_temperature")
+    assert named.severity == (severity if "K" in said else "warning")
 
 
 INVISIBLE = {

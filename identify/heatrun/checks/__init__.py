@@ -34,7 +34,6 @@ from .same_quantity import columns_disagree
 from .sensor import sensor_detached, temperature_jump
 from .standstill import current_scale_unchecked, resistance_coefficient, standstill_losses
 from .suitability import simulated_by_heatrun
-from .suspicion import unit_suspected
 from .time_axis import (
     is_sorted_otherwise,
     sampling,
@@ -44,6 +43,7 @@ from .time_axis import (
     time_jitter,
 )
 from .units import ambient_implausible, unit_assumed, units_temperature
+from .which_unit import unit_suspected
 
 Check = Callable[[Record, Motor], Iterable[Finding]]
 

@@ -12,7 +12,7 @@ from ..record.motor import Motor
 from ..record.record import ColumnReading, Finding, Record
 from ..record.samples import block_means, place, samples, sink_channel
 from ..record.units import require_unit
-from .suspicion.relations import MIN_RISE_K, is_brief, one_node, unsettled
+from .figures import MIN_RISE_K, is_brief, one_mass
 
 LARGEST_W, SMALLEST_W = 2e6, 1e-3
 """Losses of a generator of 100 MW, overloaded, and of a watch."""
@@ -45,7 +45,7 @@ def losses_absurd(record: Record, motor: Motor) -> Iterator[Finding]:
     is_small = 0.0 < largest < SMALLEST_W and rise[top] > 1.0
     if not (is_small or largest > LARGEST_W or per_K > LARGEST_W_PER_K):
         return
-    seen = one_node(record, motor) or unsettled(record, motor)
+    seen = one_mass(record, motor)
     if seen is not None and seen.conductance_W_per_K < per_K:  # no comparison is true of a NaN
         per_K = seen.conductance_W_per_K
     if is_brief(float(time_s[-1] - time_s[0]) + BLOCK_S, per_K, motor.sink):

@@ -15,7 +15,7 @@ from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.stretch import bridge, mask, windows
 from .load_spike import spike_windows
-from .suspicion import read_otherwise
+from .which_unit import read_otherwise
 
 OF_THE_READING = ("sensor_detached", "temperature_jump", "sensor_stuck")
 """Findings after which the winding's readings are left out while they last."""

@@ -10,11 +10,10 @@ from ..record.motor import Motor
 from ..record.record import Finding, Record, Severity
 from ..record.samples import is_loaded, lead_in, place, samples, sink_channel, with_all_heat
 
-AMBIENT_AS_KELVIN = (253.0, 333.0)
-"""A hall or chamber between -20 and 60 degC, in kelvin; as degrees Celsius no sink at all."""
-
-WINDING_AS_KELVIN = (253.0, 393.0)
-"""A winding at the start between -20 and 120 degC, in kelvin."""
+AS_KELVIN = {"ambient_degC": (253.0, 333.0), "coolant_degC": (253.0, 393.0),
+             "winding_degC": (253.0, 393.0), "stator_degC": (253.0, 393.0)}  # fmt: skip
+"""A hall or chamber between -20 and 60 degC, in kelvin; as degrees Celsius no sink at all. All else
+at the start between -20 and 120 degC."""
 
 AMBIENT_AS_FAHRENHEIT = (55.0, 110.0)
 """A hall between 13 and 43 degC, in degrees Fahrenheit; as degrees Celsius only a hot chamber."""
@@ -57,43 +56,37 @@ def _severity(record: Record, channel: str) -> Severity:
     return "warning" if channel in record.decided else "error"
 
 
-def _unit_finding(
-    record: Record, channel: str, unit: str, severity: Severity, typical: float, from_s: float
+def _finding(
+    record: Record, channel: str, severity: Severity, value: float, from_s: float, unit: str | float
 ) -> Finding:
-    as_celsius = typical - 273.15 if unit == "kelvin" else (typical - 32.0) / 1.8
-    symbol = "K" if unit == "kelvin" else "degF"
-    is_doubtful = severity == "error" and unit == "Fahrenheit"
+    """Say that a temperature looks like another unit; a number is what degrees are multiplied by.
+
+    But for kelvin, the motor file may say that degrees Celsius are right.
+    """
     column = next((r.column for r in record.mapping if r.channel == channel), "column")
     line = f'{channel} = "{column}'
+    values = {"value": value}
+    if isinstance(unit, float):
+        values |= {"as_degC": value / unit, "factor": 1.0 / unit}
+        seen = (
+            f"the winding starts at {value:.0f} °C. In units of 1/{unit:.0f} °C it would start at "
+            f"{value / unit:.1f} °C, the temperature of the sink. Read in the wrong unit, every "
+            "parameter would be wrong."
+        )
+        remedy = f"Divide the column by {unit:.0f} before it is read."
+    else:
+        symbol = "K" if unit == "kelvin" else "degF"
+        values["as_degC"] = value - 273.15 if unit == "kelvin" else (value - 32.0) / 1.8
+        seen = (
+            f"{value:.1f} looks like {unit}, which would be {values['as_degC']:.1f} °C. Read in "
+            "the wrong unit, temperature rises and copper loss would be wrong."
+        )
+        remedy = f'Declare the unit in the motor file: [columns] {line} [{symbol}]".'
+    if severity == "error" and unit != "kelvin":
+        remedy += f' If °C is right, write {line} [degC]": then this is only a warning.'
+    where = place(record, channel, from_s)
     return Finding(
-        "units_temperature",
-        severity,
-        f"Expected °C; {typical:.1f} looks like {unit}, which would be {as_celsius:.1f} °C. Read "
-        "in the wrong unit, temperature rises and copper loss would be wrong.",
-        place(record, channel, from_s),
-        f'Declare the unit in the motor file: [columns] {line} [{symbol}]".'
-        + (f' If °C is right, write {line} [degC]": then this is only a warning.' * is_doubtful),
-        values={"value": typical, "as_degC": as_celsius},
-    )
-
-
-def _scaled_finding(
-    record: Record, severity: Severity, typical: float, scale: float, from_s: float
-) -> Finding:
-    degC = typical / scale
-    column = next((r.column for r in record.mapping if r.channel == "winding_degC"), "column")
-    kept = f'winding_degC = "{column} [degC]"'
-    confirmed = f" If °C is right, write {kept}: then this is only a warning."
-    return Finding(
-        "units_temperature",
-        severity,
-        f"Expected °C; the winding starts at {typical:.0f} °C. In units of 1/{scale:.0f} °C it "
-        f"would start at {degC:.1f} °C, the temperature of the sink. Read in the wrong unit, every "
-        "parameter would be wrong.",
-        place(record, "winding_degC", from_s),
-        f"Divide the column by {scale:.0f} before it is read."
-        + (confirmed if severity == "error" else ""),
-        values={"value": typical, "as_degC": degC, "factor": 1.0 / scale},
+        "units_temperature", severity, f"Expected °C; {seen}", where, remedy, values=values
     )
 
 
@@ -124,43 +117,34 @@ def units_temperature(record: Record, motor: Motor) -> Iterator[Finding]:
     degrees are told where the winding is hotter than any and a tenth of its start is the ambient.
     """
     is_kelvin = False
-    for channel, (low, high) in (
-        ("ambient_degC", AMBIENT_AS_KELVIN),
-        ("coolant_degC", WINDING_AS_KELVIN),
-        ("winding_degC", WINDING_AS_KELVIN),
-        ("stator_degC", WINDING_AS_KELVIN),
-    ):
+    for channel, (low, high) in AS_KELVIN.items():
         time_s, temperature = samples(record, channel)
         # Start and end both: a winding may reach 253 degC, but it does not start there.
         if time_s.size and low < temperature[0] < high and float(np.min(temperature)) > low:
             is_kelvin, value = True, float(temperature[0])
-            yield _unit_finding(record, channel, "kelvin", "error", value, time_s[0])
+            yield _finding(record, channel, "error", value, float(time_s[0]), "kelvin")
     time_s, winding, ambient, losses = samples(
         with_all_heat(record, motor), "winding_degC", "ambient_degC", "losses_W"
     )
     lead = lead_in(time_s, losses)
     if is_kelvin or lead == 0:
         return
-    low, high = AMBIENT_AS_FAHRENHEIT
+    from_s, (low, high) = float(time_s[0]), AMBIENT_AS_FAHRENHEIT
     at_start = float(np.median(winding[:lead]))
     around = float(np.median(ambient[:lead]))
     # A winding tens of kelvin colder than the air around it has no way to be so.
     apart_K = min(abs(at_start - around), abs((around - 32.0) / 1.8 - at_start))
+    is_far = at_start - around > FAHRENHEIT_ABOVE_K
     if low < around < high and apart_K < AGREEMENT_K:
         severity = _severity(record, "ambient_degC")
-        yield _unit_finding(record, "ambient_degC", "Fahrenheit", severity, around, time_s[0])
-        return
-    is_far = at_start - around > FAHRENHEIT_ABOVE_K
-    if around < low and is_far and _starts_cold(winding, ambient, lead):
-        yield _unit_finding(record, "winding_degC", "Fahrenheit", "warning", at_start, time_s[0])
-        return
-    if at_start <= HOTTEST_START_DEGC and float(np.quantile(winding, 0.9)) <= HOTTEST_DEGC:
-        return
-    for scale in SCALES:
-        if abs(at_start / scale - around) < AGREEMENT_K:
-            severity = _severity(record, "winding_degC")
-            yield _scaled_finding(record, severity, at_start, scale, float(time_s[0]))
-            return
+        yield _finding(record, "ambient_degC", severity, around, from_s, "Fahrenheit")
+    elif around < low and is_far and _starts_cold(winding, ambient, lead):
+        yield _finding(record, "winding_degC", "warning", at_start, from_s, "Fahrenheit")
+    elif at_start > HOTTEST_START_DEGC or float(np.quantile(winding, 0.9)) > HOTTEST_DEGC:
+        for scale in SCALES:
+            if abs(at_start / scale - around) < AGREEMENT_K:
+                severity = _severity(record, "winding_degC")
+                yield _finding(record, "winding_degC", severity, at_start, from_s, scale)
 
 
 def _starts_cold(winding: np.ndarray, ambient: np.ndarray, lead: int) -> bool:
