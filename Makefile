@@ -16,8 +16,10 @@ test quick test-slow: export OPENBLAS_NUM_THREADS = 1
 # Byte code is kept, also where the environment says no: a process that tests start imports for 5 s.
 test quick test-slow: export PYTHONDONTWRITEBYTECODE =
 
+# MINUTES=10 begins no test after ten minutes, the costly ones last, and says which.
 test: $(VENV)/ready
-	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not slow and not notebook"
+	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not slow and not notebook" \
+	  $(if $(MINUTES),--minutes $(MINUTES))
 
 # Files that take a second at most: for the inner loop.
 quick: $(VENV)/ready

@@ -11,6 +11,7 @@ import os
 import shutil
 import sys
 import tempfile
+import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -55,6 +56,9 @@ TOGETHER = dict.fromkeys(
     "search for effects",
 )
 """Files that one worker runs, for what the first has traced and compiled serves the others."""
+
+BEGUN_S = time.monotonic()
+"""When this process began."""
 
 TAKEN: Counter[str] = Counter()
 
@@ -131,15 +135,17 @@ def _resident_bytes() -> int:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add `--quick`, which is `make quick`, and `--seconds`."""
+    """Add `--quick`, which is `make quick`, `--minutes` and `--seconds`."""
     parser.addoption("--quick", action="store_true", help="only files that take seconds")
     parser.addoption("--seconds", action="store_true", help=f"write {SECONDS.name} anew")
+    parser.addoption("--minutes", type=float, help="begin no test after this, and say which")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Put the files that take longest first, so that no core waits for the other at the end.
 
-    With `--quick` these are left out.
+    With `--quick` these are left out; with `--minutes` they come last, and are what a slow machine
+    has no time for.
     """
     taken = json.loads(SECONDS.read_text())
     seconds = {item: taken.get(_file(item.nodeid), 0.0) for item in items}
@@ -151,7 +157,15 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         ]
         config.hook.pytest_deselected(items=slow)
         items[:] = [item for item in items if item not in set(slow)]
-    items.sort(key=lambda item: -seconds[item])
+    items.sort(key=lambda item: -seconds[item], reverse=config.getoption("minutes") is not None)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip what `--minutes` leaves no time for."""
+    minutes = item.config.getoption("minutes")
+    if minutes is not None and time.monotonic() - BEGUN_S > 60.0 * minutes:
+        pytest.skip(f"no time left after {minutes:g} minutes")
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
