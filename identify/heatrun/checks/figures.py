@@ -30,7 +30,7 @@ from ..io.quantities import rounded
 from ..record.derive import ELECTRICAL, SHAFT, shaft_power
 from ..record.motor import Motor
 from ..record.record import Record
-from ..record.samples import block_means, samples
+from ..record.samples import block_means, integral, samples
 from .losses import (
     COPPER_TOLERANCE,
     FIRM_TOLERANCE,
@@ -92,7 +92,7 @@ def one_mass(record: Record, motor: Motor) -> OneMass | None:
     winding, excess = course.winding_degC, course.winding_degC - course.sink_degC
     longest_s = MAX_CONSTANTS * course.duration_s
     is_heated = bool(np.any(course.all_W > 0.0))
-    heat, lost = _integral(course.all_W, course.step_s), _integral(excess, course.step_s)
+    heat, lost = integral(course.all_W, course.step_s), integral(excess, course.step_s)
     start = np.ones(winding.size)
     terms = [-lost, start, heat] if is_heated else [-lost, start]
     found = _solved(terms, winding, winding, MIN_EXPLAINED)
@@ -122,10 +122,6 @@ def _solved(
     found = np.linalg.lstsq(matrix / scale, known, rcond=None)[0] / scale
     explained = 1.0 - float(np.var(known - matrix @ found) / np.var(course))
     return found if explained > least else None
-
-
-def _integral(values: np.ndarray, step_s: float) -> np.ndarray:
-    return np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1])))) * step_s
 
 
 RARE = math.log(300.0)

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 
 from ..record.motor import Motor
 from ..record.record import Record
-from ..record.samples import EQUILIBRIUM_K, lead_in, samples, sink_channel, with_all_heat
+from ..record.samples import EQUILIBRIUM_K, integral, lead_in, samples, sink_channel, with_all_heat
 
 MAX_BLOCKS = 400
 """A block of a 90-minute test is then 13 s long, an eighth of a winding's time constant."""
@@ -302,7 +302,7 @@ def _on_grid(time_s: np.ndarray, edges: np.ndarray, *channels: np.ndarray) -> li
     steps = np.diff(time_s)
     means = []
     for values in channels:
-        area = np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * steps)))
+        area = integral(values, steps)
         means.append(np.diff(np.interp(edges, time_s, area)) / np.diff(edges))
     return means
 

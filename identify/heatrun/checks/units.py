@@ -141,10 +141,10 @@ def units_temperature(record: Record, motor: Motor) -> Iterator[Finding]:
     elif around < low and is_far and _starts_cold(winding, ambient, lead):
         yield _finding(record, "winding_degC", "warning", at_start, from_s, "Fahrenheit")
     elif at_start > HOTTEST_START_DEGC or float(np.quantile(winding, 0.9)) > HOTTEST_DEGC:
-        for scale in SCALES:
-            if abs(at_start / scale - around) < AGREEMENT_K:
-                severity = _severity(record, "winding_degC")
-                yield _finding(record, "winding_degC", severity, at_start, from_s, scale)
+        scale = next((s for s in SCALES if abs(at_start / s - around) < AGREEMENT_K), None)
+        if scale is not None:
+            severity = _severity(record, "winding_degC")
+            yield _finding(record, "winding_degC", severity, at_start, from_s, scale)
 
 
 def _starts_cold(winding: np.ndarray, ambient: np.ndarray, lead: int) -> bool:

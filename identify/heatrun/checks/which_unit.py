@@ -185,7 +185,7 @@ def _posterior(
         # what a reading no longer shows is no better than it was, nor than at its limit
         return total + sum(max(each, RARE) for each in missing.values())
 
-    as_read = cost(record, motor, math.inf)
+    as_read = sum(figure.cost for figure in found)
     weights: list[tuple[float, OtherReading]] = []
     for one in other_readings(record, motor):
         negligible = math.log(one.prior / (0.01 * SOMETHING_ELSE))

@@ -185,7 +185,7 @@ def is_one_law(
         weights: Theirs, normalised.
     """
     mean, sd = _scale(chains)
-    walks = _scaled(chains)
+    walks = _scaled(chains, mean, sd)
     low, high = _ends(walks)
     rows = ((draws - mean) / sd).T
     seen = np.concatenate([rows, rows <= low[:, None], rows >= high[:, None]])
@@ -225,7 +225,7 @@ def judge(
         Carlo when running many short chains, Bayesian Analysis (2024): ensembles as superchains.
     """
     num_ensembles, num_steps, num_walkers, num_parameters = chains.shape
-    walks = _scaled(chains)
+    walks = _scaled(chains, *_scale(chains))
     low, high = _ends(walks)[..., None, None, None]
     means = _see(walks)
     tails = [_see((walks <= low).astype(np.float32)), _see((walks >= high).astype(np.float32))]
@@ -248,12 +248,13 @@ def judge(
 
 def _scaled(
     chains: Float[np.ndarray, "ensemble step walker parameter"],
+    mean: Float[np.ndarray, " parameter"],
+    sd: Float[np.ndarray, " parameter"],
 ) -> Float[np.ndarray, "parameter ensemble walker step"]:
     """Return the walks centred and scaled in single precision, the steps of each in a row.
 
     Together that makes a look five times faster.
     """
-    mean, sd = _scale(chains)
     scaled = ((chains - mean) / sd).astype(np.float32)
     return np.ascontiguousarray(scaled.transpose(3, 0, 2, 1))
 

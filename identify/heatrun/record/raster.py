@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import InputError
+from .samples import integral
 
 LONGEST_GAP = 10.0
 """Samples further apart than this many median steps [1] are not joined by a straight line: there
@@ -103,9 +104,9 @@ def means_around(
         at_knots = np.interp(knots, time_s, course**2 if is_rms else course)
         length = np.diff(knots) * _is_covered(time_s, values)[_piece(time_s, knots)]
         covered = np.concatenate([[0.0], np.cumsum(length)])
-        integral = np.concatenate([[0.0], np.cumsum(0.5 * length * (at_knots[1:] + at_knots[:-1]))])
+        area = integral(at_knots, length)
         share = np.diff(covered[at_edges])
-        mean = np.diff(integral[at_edges]) / share
+        mean = np.diff(area[at_edges]) / share
         if is_rms:
             mean = np.sqrt(np.maximum(mean, 0.0))
         is_known = share >= (LEAST_COVERED - ROUNDING) * np.diff(edges)

@@ -17,7 +17,7 @@ from .derive import recorded_shaft_power
 from .motor import Motor, Scales
 from .record import Record
 from .rounding import rounding_step
-from .samples import BLOCK_S, needed_channels
+from .samples import BLOCK_S, integral, needed_channels
 
 STEP_S = 2.0
 """Length of a step [s]: on a winding of 90 s a jump of load inside a step then costs a few
@@ -224,8 +224,8 @@ def _interval_means(time: np.ndarray, values: np.ndarray, edges: np.ndarray) -> 
     inside = edges[(edges > time[0]) & (edges < time[-1])]
     knots = np.union1d(time, inside)
     course = np.interp(knots, time, values)
-    integral = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(knots) * (course[1:] + course[:-1]))])
-    at_edges = np.interp(edges, knots, integral)
+    area = integral(course, np.diff(knots))
+    at_edges = np.interp(edges, knots, area)
     at_edges += np.minimum(edges - time[0], 0.0) * values[0]
     at_edges += np.maximum(edges - time[-1], 0.0) * values[-1]
     return np.diff(at_edges) / np.diff(edges)

@@ -120,6 +120,16 @@ def block_means(
     return tuple(np.add.reduceat(values, first) / counts for values in (time_s, *channels))
 
 
+def integral(values: np.ndarray, steps: np.ndarray | float) -> np.ndarray:
+    """Return the integral from the first sample to each, values straight between, shape as they.
+
+    Args:
+        values: At the samples.
+        steps: Times between them [s].
+    """
+    return np.concatenate([[0.0], np.cumsum(0.5 * steps * (values[1:] + values[:-1]))])
+
+
 def with_all_heat(record: Record, motor: Motor) -> Record:
     """Return the record with the copper loss in its losses, where they leave it out.
 
