@@ -214,6 +214,8 @@ TEMPERATURES = {
     "winding in Fahrenheit, -2 K off": ({"winding_degC": (1.8, 28.4)}, "[degF]", "warning", 0.0),
     "winding in Fahrenheit, cold": ({"winding_degC": FAHRENHEIT}, "[degF]", "warning", -20.0),
     "tenths": ({"winding_degC": (10.0, 0.0)}, "by 10 before", "error", 0.0),
+    # of a winding at 2 degC the hundredths are near the sink as well
+    "tenths, cold": ({"winding_degC": (10.0, 0.0)}, "by 10 before", "error", -20.0),
     "hundredths, cold": ({"winding_degC": (100.0, 0.0)}, "by 100 before", "error", -15.0),
     "thousandths": ({"winding_degC": (1000.0, 0.0)}, "by 1000 before", "error", 0.0),
 }  # fmt: skip
