@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import shutil
 import sys
+from collections import Counter
+from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
@@ -110,3 +112,23 @@ def day(finished_day, tmp_path, monkeypatch):
     shutil.copytree(finished_day, tmp_path / "day")
     monkeypatch.chdir(tmp_path / "day")
     return Path()
+
+
+@pytest.fixture(scope="session")
+def num_calls() -> Callable[[Callable[[], object]], int]:
+    """Count the calls that something makes, of Python's and of C's functions.
+
+    A loop over the samples shows in them, on any machine and under any load.
+    """
+
+    def count(do: Callable[[], object]) -> int:
+        calls: Counter[str] = Counter()
+        before = sys.getprofile()
+        sys.setprofile(lambda _, event, __: calls.update((event,)))
+        try:
+            do()
+        finally:
+            sys.setprofile(before)
+        return calls["call"] + calls["c_call"]
+
+    return count

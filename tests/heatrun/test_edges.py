@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -263,7 +262,6 @@ MOTORS = (
     Motor("unknown resistance"),
     Motor("map", losses="map", sink="coolant", phase_resistance_ohm=0.0062),
 )
-MILLION_LIMIT_S = 3.0
 
 ANY = st.floats(allow_nan=True, allow_infinity=True)
 SPECIAL = st.sampled_from([np.nan, np.inf, -np.inf, 0.0, -0.0, 1e308, -1e308, 5e-324, 20.0, 850.0])
@@ -308,13 +306,13 @@ def test_columns_of_different_length_and_no_clock_are_errors():
         assert word in finding.message
 
 
-def test_a_million_samples_are_checked_quickly():
+def long_record(num):
+    """A warm-up of so many samples with noise."""
     rng = np.random.default_rng(5)
-    num = 1_000_000
     time_s = np.arange(num) * 0.1
     current = 100.0 + 50.0 * np.sin(time_s / 300.0)
     heat = 3.0 * 0.0062 * current**2 + 200.0
-    record = Record(
+    return Record(
         "long",
         {
             "time_s": time_s,
@@ -325,8 +323,10 @@ def test_a_million_samples_are_checked_quickly():
             "speed_rpm": np.full(num, 3000.0),
         },
     )
-    check_record(Record("warm-up", {k: v[:1000] for k, v in record.channels.items()}), MOTORS[0])
-    # The processor's time, not the clock's: other work on the machine is not the checks' fault.
-    begin = time.process_time()
-    check_record(record, MOTORS[0])
-    assert time.process_time() - begin < MILLION_LIMIT_S
+
+
+def test_a_million_samples_are_checked_without_a_loop_over_them(num_calls):
+    short, long = long_record(100_000), long_record(1_000_000)
+    check_record(short, MOTORS[0])  # what is imported at first is called once
+    few = num_calls(lambda: check_record(short, MOTORS[0]))
+    assert 100 < num_calls(lambda: check_record(long, MOTORS[0])) < 2 * few
