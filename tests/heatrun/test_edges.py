@@ -15,6 +15,7 @@ from scipy.linalg import expm
 
 from heatrun import cli
 from heatrun.checks import check_record
+from heatrun.checks.figures import COPPER_SHARE, EFFICIENCY, LENGTH_S, RARE
 from heatrun.fit.fit import fit
 from heatrun.model.model import Model
 from heatrun.model.problem import Problem
@@ -294,6 +295,11 @@ def test_tiny_record_is_an_error_not_a_crash(num, value):
     channels["time_s"] = np.arange(float(num))
     found = check_record(Record("tiny", channels), MOTORS[0])
     assert "too_few_samples" in {f.id for f in found if f.severity == "error"}
+
+
+def test_the_smallest_numbers_have_a_cost():
+    assert COPPER_SHARE.cost(5e-324) == EFFICIENCY.cost(5e-324) == RARE
+    assert LENGTH_S.cost(5e-324) > LENGTH_S.cost(1.0) > RARE
 
 
 def test_columns_of_different_length_and_no_clock_are_errors():

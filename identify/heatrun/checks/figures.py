@@ -151,8 +151,9 @@ class Limits(NamedTuple):
             edge, limit, is_rare = self.low, self.least, self.is_rare_below
         else:
             edge, limit, is_rare = self.high, self.most, self.is_rare_above
-        has_slope = value > 0.0 and limit != edge
-        z = math.log(value / edge) / math.log(limit / edge) if has_slope else math.inf
+        z = math.inf
+        if value > 0.0 and limit != edge:  # a ratio of the smallest numbers would be 0
+            z = (math.log(value) - math.log(edge)) / math.log(limit / edge)
         return min(RARE * z**2, RARE if is_rare else math.inf)
 
 
