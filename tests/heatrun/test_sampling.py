@@ -29,6 +29,14 @@ from heatrun.posterior.ensemble import evolution, of_noise
 from heatrun.posterior.importance import linear_sample
 from heatrun.posterior.posterior import sample
 from heatrun.posterior.weighted import pareto_smoothed, spread
+from heatrun.record.reduction import reduce
+
+
+@pytest.fixture(scope="module")
+def short(bench, generator, motor):
+    """The first order on twenty minutes: a likelihood that costs little."""
+    blocks = reduce(bench(generator.duty(1200.0), seed=11), motor)
+    return fit(Problem.of(Model.of("first", motor), motor, [blocks]))
 
 
 def pareto_shape(log_weight: np.ndarray) -> float:
@@ -111,16 +119,15 @@ def test_importance_samples_carry_smoothed_weights_and_evidence_of_raw_ones(fitt
     assert found.log_evidence == pytest.approx(logsumexp(log_weight) - np.log(log_weight.size))
 
 
-def test_no_draw_of_the_quick_posterior_stands_for_many(blocks, motor):
+def test_no_draw_of_the_quick_posterior_stands_for_many(short):
     """1166 of 4000 were distinct, and one stood 43 times, where an interval ends."""
-    first = fit(Problem.of(Model.of("first", motor), motor, [blocks]))
-    quick = sample(first, method="quick", seed=2)
+    quick = sample(short, method="quick", seed=2)
     assert quick.method == "importance"
     _, count = np.unique(quick.flat, axis=0, return_counts=True)
     assert count.size > 0.9 * quick.flat.shape[0]
     # a hundred draws lie beyond an end of a 95 % interval: no tenth of them may be one
     assert count.max() < 0.1 * 0.025 * quick.flat.shape[0]
-    again = sample(first, method="quick", seed=2)
+    again = sample(short, method="quick", seed=2)
     np.testing.assert_array_equal(again.flat, quick.flat)
 
 
@@ -220,16 +227,16 @@ def test_ensembles_that_differ_have_not_converged(fault):
     assert "the ensembles differ by more than their Monte Carlo errors explain" in found.sentence()
 
 
-def test_importance_samples_stand_in_for_a_long_mcmc_that_agrees(fitted, monkeypatch):
+def test_importance_samples_stand_in_for_a_long_mcmc_that_agrees(short, monkeypatch):
     monkeypatch.setattr(sampling, "FULL", FULL._replace(size=1e6))
-    found = sample(fitted, seed=2)
+    found = sample(short, seed=2)
     assert found.method == "importance"
     assert found.is_sound
     assert "MCMC agrees and would take" in found.sentence()
-    quick = sample(fitted, method="quick", seed=2)
+    quick = sample(short, method="quick", seed=2)
     np.testing.assert_array_equal(found.vectors, quick.vectors)
     monkeypatch.setattr(sampling, "is_one_law", lambda *given: False)
-    assert sample(fitted, seed=2, most_steps=1000).method == "emcee"
+    assert sample(short, seed=2, most_steps=1000).method == "emcee"
 
 
 @pytest.mark.parametrize(
