@@ -1,9 +1,4 @@
-"""A virtual prototype's record: what identified parameters say of the load of a real test.
-
-A network whose parameters are moved by hand along one test.
-
-Parameters that stand in a file: a TOML file by name, or the `prova.mat` of the thesis.
-"""
+"""The load of a real test simulated with the parameters of a run, of a file, or moved by hand."""
 
 from __future__ import annotations
 

@@ -1,9 +1,7 @@
 """The machines of a fleet as its file names them: rows of a table, gathered by machine.
 
-A row that cannot be used never stops the others: its machine is kept, with the finding that says
-why, and is refused when its turn comes.
-
-The table of a fleet's machines: CSV with any of three delimiters, or Parquet.
+The table is CSV with any of three delimiters, or Parquet. A row that cannot be used never stops the
+others: its machine is kept, with the finding that says why, and is refused when its turn comes.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The work of a batch, in this process or in a worker's: rows of machines, as Parquet bytes.
 
-The fit of the machines of a batch: the one place that chooses how they are fitted.
+`fit_machines` is the one place that chooses how machines are fitted.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""The test types of the bench: what each is called, what it needs and what it shows.
-
-What the heat flows of a network are called in a report: symbol and words, by link.
-"""
+"""The test types of the bench: what each is called, needs and shows, and words of heat flows."""
 
 from __future__ import annotations
 

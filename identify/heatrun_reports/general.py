@@ -1,7 +1,4 @@
-"""General Test: every signal, and the General Information table.
-
-Energy Consumption: the General Information figures, and maps over torque and speed.
-"""
+"""The reports General Test, with every signal, and Energy Consumption, with maps."""
 
 from __future__ import annotations
 

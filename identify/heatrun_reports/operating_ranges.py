@@ -1,7 +1,4 @@
-"""Energy, power and efficiency of a machine by how hard it worked: ranges of its shaft power.
-
-Every recorded signal in one line: start, end, extremes, mean, and how much is missing.
-"""
+"""Energy and efficiency of a machine by ranges of its shaft power, and each signal in one line."""
 
 from __future__ import annotations
 

@@ -1,8 +1,6 @@
-"""What a run says of a test, for the reports that set it beside the measurement.
+"""What a run says of a test, and the record of the other prototype that a report sets beside it.
 
 A report names the digest of its files, so that they must still be the files it was made of.
-
-The record of the other prototype: a bench file, a simulated one, or a run driven by the test.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Fleets that the page can show: the rows of their machines, and what a population says of them.
-
-The machines of a fleet as the page shows them: a row each, and all that is known of one.
-"""
+"""Fleets that the page can show: rows of their machines, all that is known of one, populations."""
 
 from __future__ import annotations
 

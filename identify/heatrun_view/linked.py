@@ -1,9 +1,4 @@
-"""Linked plots of signals: one plot per unit, one time axis, cursors and a choice of a window.
-
-A predicted course with its 95 % band.
-
-Two times that are marked in all plots.
-"""
+"""Linked plots of signals: one per unit, one time axis, bands, cursors and a choice of a window."""
 
 from __future__ import annotations
 

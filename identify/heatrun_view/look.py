@@ -1,8 +1,6 @@
-"""Colours and style of the page, light and dark, as the browser asks for or the user has chosen.
+"""Style and frame of the page, light and dark, as the browser asks for or the user has chosen.
 
-Text on the page.
-
-The page's frame: header, sidebar and style, loaded from this machine alone.
+All of it is loaded from this machine alone.
 """
 
 from __future__ import annotations

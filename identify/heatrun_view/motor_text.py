@@ -1,11 +1,6 @@
-"""A motor file as text on the page: its line ends, and the line that an error is about.
+"""A motor file on the page: its text and line ends, the line of an error, the windows of its tests.
 
-The motor file that is chosen on the page: read, and written where nothing is lost by it.
-
-The windows of a test in the motor file, `[tests.NAME] use`: read, shown and written.
-
-The rest of the file stays as it is, byte for byte: the text of the windows is put in, and what
-comes of it is parsed and held against what it should say.
+It is written where nothing is lost by it.
 """
 
 from __future__ import annotations
@@ -316,6 +311,9 @@ def windows_text(name: str, windows: Sequence[Window]) -> str:
 
 def write_windows(data: bytes, name: str, windows: Sequence[Window], where: str) -> bytes:
     """Return a motor file with other windows for a test.
+
+    The rest of the file stays as it is, byte for byte: the text of the windows is put in, and what
+    comes of it is parsed and held against what it should say.
 
     Args:
         data: Its content.

@@ -1,7 +1,4 @@
-"""Run folders that the page can show: their results, bands and files.
-
-Files that the page hands out: read when they are asked for, from inside their folder alone.
-"""
+"""Run folders that the page can show: results, bands, and files, from inside their folder alone."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Records in memory, shared by all tabs and bounded in bytes.
+"""The folder that the live view shows, nothing outside it, and its records in memory.
 
-The folder that the live view shows: what is in it, and nothing outside it.
+The records are shared by all tabs and bounded in bytes.
 """
 
 from __future__ import annotations

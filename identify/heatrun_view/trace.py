@@ -1,12 +1,7 @@
-"""One signal of a test, and as much of it as a plot can show.
+"""One signal of a test, as much of it as a plot can show, and how plots draw and read it.
 
-Colour and dash of each line: a signal keeps its colour in every test and every selection.
-
-Colours and legends of the plots.
-
-The time axis: data in seconds, ticks in seconds, minutes or hours as the window suits.
-
-What is read off the plots: all lines under the mouse, and at two cursors with the difference.
+A signal keeps its colour in every test and every selection. Data are in seconds, ticks in seconds,
+minutes or hours as the window suits.
 """
 
 from __future__ import annotations

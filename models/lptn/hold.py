@@ -1,7 +1,4 @@
-"""The temperatures after a constant drive was held for a while.
-
-How long a node takes to a temperature under a constant drive.
-"""
+"""The temperatures after a constant drive was held, and how long a node takes to a temperature."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""The linear network that a network with effects is near one operating point.
+"""The linear network that a network with effects is near one operating point, and if it settles.
 
-Whether a network settles at all: the copper heats itself, since its resistance rises.
+It may not: the copper heats itself, since its resistance rises.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""The way of a network through the intervals of a record, shared by all that simulate.
-
-Folds over the simulated reading, without storing it.
-"""
+"""The way of a network through the intervals of a record, shared by all that simulate."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Simulation of a network over a record: `simulate` is fast, `reference` is exact and slow.
-
-Means of the simulated reading over blocks of steps, without storing the steps.
-"""
+"""Simulation of a network over a record: `simulate` is fast, `reference` is exact and slow."""
 
 from __future__ import annotations
 

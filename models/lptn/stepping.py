@@ -1,19 +1,11 @@
-"""Heat balance, rates of change, and the steps of the march.
+"""Heat balance, rates of change, and the explicit third-order step of the march, in two forms.
 
-The heat balance of a network under its losses and effects, at one instant or at many.
-
-Linear equations of a few nodes, solved without a library's kernel.
-
-A solver of LAPACK inside a compiled loop over thousands of parameter sets waited for ever on two
-cores; for matrices of a few rows the elimination written out is also the faster one.
-
-One explicit third-order step of a network, in two forms that give the same numbers.
-
-The general form evaluates the balance three times. Where no effect acts on the balance and the
-steps are equal, the step is affine in the temperatures with coefficients that are polynomials of
-k = m Is^2 Rs0/(B + Tref); they are worked out once per parameter set, which takes the
-divisions out of the loop and shortens its dependency chain. The midpoint rule would save a fifth
-of the time and err by 4e-6 K at 10 Hz and 2e-3 K at 2 s on a duty with hard steps of load.
+The two give the same numbers. The general one evaluates the balance three times. Where no effect
+acts on the balance and the steps are equal, the step is affine in the temperatures with
+coefficients that are polynomials of k = m Is^2 Rs0/(B + Tref); they are worked out once per
+parameter set, which takes the divisions out of the loop and shortens its dependency chain. The
+midpoint rule would save a fifth of the time and err by 4e-6 K at 10 Hz and 2e-3 K at 2 s on a duty
+with hard steps of load.
 """
 
 from __future__ import annotations
@@ -106,6 +98,9 @@ def eliminate(
     matrix: Float[Array, "node node"], right: Float[Array, "node column"]
 ) -> Float[Array, "node column"]:
     """Return X of A X = B by elimination, without looking for pivots.
+
+    A solver of LAPACK inside a compiled loop over thousands of parameter sets waited for ever on
+    two cores; for matrices of a few rows the elimination written out is also the faster one.
 
     Args:
         matrix: A, shape (node, node).

@@ -1,12 +1,8 @@
-"""Does the test start cold, does it heat, and does the sink keep still?
+"""Does the test start cold, does it heat, does the sink keep still, how finely was it written down?
 
-Time constants without any network: of the longest stretch of steady load, and of a cool-down.
-
-A motor of many nodes under one load settles as a sum of exponentials, late in the stretch by the
-last and slow one. It stands beside the two-node fit, which books a slow rotor or a wandering
-coolant as a slow stator.
-
-How finely was the winding temperature written down, and was it rounded or cut off?
+The time constants need no network: a machine of many nodes under one load settles as a sum of
+exponentials, late in the stretch by the last and slow one. They stand beside those of the two-node
+fit, which books a slow rotor or a wandering coolant as a slow stator.
 """
 
 from __future__ import annotations

@@ -1,10 +1,8 @@
-"""Stretches in which the reading of the winding stands still although its heat balance does not.
+"""A reading that stands still though its heat balance does not: stuck, or at the end of its range.
 
 A reading rounded to 1 degC stands still for minutes on any plateau, so the length of a constant
 stretch says nothing by itself. What the record says elsewhere does: a two-node network is
 fitted outside of the stretch and tells how far the temperature must have moved inside.
-
-Does a reading stand still: a stuck sensor, or a channel at the end of its range?
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Can the losses be what the record says, given its current and the phase resistance?
-
-Losses that are nearly torque times speed: are they losses at all?
-"""
+"""Can the losses be what the record says, given its current, phase resistance, torque and speed?"""
 
 from __future__ import annotations
 

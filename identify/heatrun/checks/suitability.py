@@ -1,12 +1,7 @@
 """Whether a record will do: one sentence from the findings about it, with no physics of its own.
 
-Warnings after which a record's numbers may be those of something else than they are called.
-
-What is said of a test that is predicted only: it need not show a parameter.
-
-`[tests.NAME]` of the motor file for a test that was not given: nothing of it is used.
-
-Whether a record was measured at all.
+Behind it stands what is said of tests that are predicted only, of `[tests.NAME]` for tests that
+were not given, and of records that were simulated.
 """
 
 from __future__ import annotations

@@ -1,9 +1,4 @@
-"""What the commands say on the terminal.
-
-Exit codes of the commands.
-
-Ctrl-C ends a command at once, as a kill would: what was written before is whole.
-"""
+"""What the commands say on the terminal, their exit codes, and their end by Ctrl-C."""
 
 from __future__ import annotations
 

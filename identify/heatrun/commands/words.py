@@ -1,7 +1,4 @@
-"""Arguments that several commands share.
-
-A parser of a command's words that takes files before, between and behind the options.
-"""
+"""Arguments that several commands share, and their parser, which takes files behind options too."""
 
 from __future__ import annotations
 

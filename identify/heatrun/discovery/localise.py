@@ -1,12 +1,10 @@
-"""Where do simulation and measurement disagree: missing heat over time, estimated with the rest.
+"""Where simulation and measurement disagree: missing heat over time, estimated with the rest.
 
 The heat that the model lacks in winding and stator, and an error of the reading, are latent
 Gauss-Markov courses. They are estimated jointly with the network's parameters: a network that
 has already absorbed half of a cause would put the blame on the wrong node. How strong each course
 is, and over how long it holds, is decided by the evidence; a course that the data do not call for
 comes out as zero.
-
-How the block means answer to a little heat in a node, or to an error of the sensor.
 """
 
 from __future__ import annotations

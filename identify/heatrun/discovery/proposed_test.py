@@ -1,7 +1,4 @@
-"""The bench test that would tell tied effects apart, and how clearly.
-
-Bench tests that tell effects apart, in the words of the bench: minutes, amperes, rpm.
-"""
+"""The bench test that would tell tied effects apart, in minutes, A and rpm, and how clearly."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""The result of a discovery: what stands in `discovery.json`.
-
-What became of every effect of the library, and why: the candidates of `discovery.json`.
-"""
+"""The result of a discovery as `discovery.json` holds it, and what became of every effect."""
 
 from __future__ import annotations
 

@@ -1,13 +1,7 @@
 """What a calibration misses without its effects, told: where, what, how much of the gap is closed.
 
 The search itself is that of every calibration (`heatrun.effects`); nothing here decides anything
-anew.
-
-Each test predicted from the others: what a model is worth on data it has not seen.
-
-Is what is left noise? Adequacy of a model, in statistics and in kelvin.
-
-The verdict of a discovery, in a word and in a sentence.
+anew. First come tests predicted from the others and what is left against noise, then the verdict.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ instead; those at their null value change nothing. One function, which returns a
 block means and their derivatives along some directions, is all that is compiled, and it serves
 every test, every candidate, and every combination.
 
-The library that a discovery searches: the effects that the tests have the inputs for.
+`library` says which effects a discovery searches: those that the tests have the inputs for.
 """
 
 from __future__ import annotations

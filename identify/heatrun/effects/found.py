@@ -1,7 +1,4 @@
-"""What a search for effects has found: the network that the tests ask for, and its rivals.
-
-The model with all effects that the tests allow, of which a search picks.
-"""
+"""What a search for effects has found: the network that the tests ask for, and its rivals."""
 
 from __future__ import annotations
 
@@ -267,8 +264,8 @@ def asked_findings(found: Found, *, is_plain: bool) -> list[Finding]:
 def as_fit(search: Search, member: Member, model: Model) -> Fit:
     """Return the network with a set of effects as a fit that can be sampled.
 
-    Where unmodelled heat would keep it from tests that least squares follows, that is held down as
-    `inference.fitting.held_heat` does it.
+    Where unmodelled heat would keep it from tests that least squares follows, that is held down by
+    `heatrun.posterior.fit_checks.holding_heat`.
 
     Args:
         search: What was searched.

@@ -3,17 +3,15 @@
 What the tests ask for is in the network by now (`found`). Of the rest a machine has some, each too
 small to be told, and together they move the parameters. So all effects that the network lacks stand
 beside it once more, at the sizes of small ones, each with the odds that the search gives it. Around
-the fit all is linear (`linear`): given the sizes, the parameters are a Gaussian shift away, and
-the sizes are drawn one after the other, each given the others, zero or not (a spike and a slab).
-The posterior is averaged over these draws (`averaging`).
+the fit all is linear (`linear`): given the sizes, the parameters are a Gaussian shift away, and the
+sizes are drawn one after the other, each given the others, zero or not (a spike and a slab). The
+posterior is averaged over these draws (`averaged`).
 
 References: E. I. George, R. E. McCulloch, Variable selection via Gibbs sampling, Journal of the
     American Statistical Association 88 (1993) 881-889. J. A. Hoeting, D. Madigan, A. E. Raftery,
     C. T. Volinsky, Bayesian model averaging: a tutorial, Statistical Science 14 (1999) 382-417. J.
     Brynjarsdottir, A. O'Hagan, Learning about physical parameters: the importance of model
     discrepancy, Inverse Problems 30 (2014) 114007.
-
-The posterior of a network, averaged over the small effects that it may miss.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The two files that a run may become: the thesis' own, and that of any network with effects.
+"""The MAT file of a run, the thesis' own or that of any network with effects, in its folder.
 
-The files of an export in their folder, where nothing is lost that cannot be made again.
+Nothing in the folder is lost that cannot be made again.
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
-"""One test of a run, read again from the very files that the run was made of.
+"""A test of a run read again from the very files it was made of, or any test with its parameters.
 
 A run folder holds parameters and paths, no signals. What is exported must be what was fitted, so
 every file is compared with the SHA-256 in the manifest before a sample of it is used.
-
-A test that no run knows, with parameters of a run or of a file: load the data, run the model.
 
 Reference: G. Agostino, Powertrain Retrofit kit testing and thermal modeling, Politecnico di
     Torino, 2023, section 4.4.

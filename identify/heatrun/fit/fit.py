@@ -5,16 +5,10 @@ basin; noise and unmodelled heat are estimated on the residuals with the paramet
 (restricted maximum likelihood, with the priors as they are); least squares on residuals whitened by
 both gives the parameters and their covariance.
 
-Readings that are exactly on time: a corner of the likelihood.
-
-What is read late lies on straight lines between the edges of the steps, so its slope by the delay
-jumps where the delay passes an edge. The most probable delay of some tests is that corner itself,
-where no slope is zero and no search ends: the delay is held there, and the search finished for all
-other parameters.
-
-Is anything wrong? What the whitened residuals say about a model that should leave only noise.
-
-What the optimum of a fit says of the network and of itself, before anything is sampled.
+Readings that are exactly on time are a corner of the likelihood. What is read late lies on straight
+lines between the edges of the steps, so its slope by the delay jumps where the delay passes an
+edge. The most probable delay of some tests is that corner itself, where no slope is zero and no
+search ends: the delay is held there, and the search finished for all other parameters.
 """
 
 from __future__ import annotations

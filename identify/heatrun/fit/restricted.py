@@ -1,10 +1,9 @@
-"""The noise from residuals, with the parameters integrated out (restricted likelihood).
+"""The noise from residuals, with the parameters integrated out, and the spread around a fit.
 
-Around a fit the model is linear in the scores, so the likelihood of the noise alone is Gaussian
-and closed: the parameters, with their priors, are integrated out. This is what keeps the noise
-of a short test from being too small by the degrees of freedom that the fit has used up.
-
-The spread of the posterior around a fit, by its curvature (Laplace's method).
+Around a fit the model is linear in the scores, so the likelihood of the noise alone, the restricted
+one, is Gaussian and closed: the parameters, with their priors, are integrated out. This is what
+keeps the noise of a short test from being too small by the degrees of freedom that the fit has used
+up. The spread of the posterior follows from its curvature at the fit (Laplace's method).
 """
 
 from __future__ import annotations

@@ -3,8 +3,6 @@
 What is recognised, proposed or missing stands in at most `MOST_LINES` lines. Nothing that was not
 read from the files is set: a line holds once a person has removed the # in front of it, or, with
 `is_accepted`, at once, marked to be checked. All keys are explained on the page of the motor file.
-
-What a person may choose between before a motor file is drafted: a column for each channel.
 """
 
 from __future__ import annotations

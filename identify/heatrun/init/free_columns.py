@@ -1,8 +1,4 @@
-"""Columns that no channel claims: what stands in them, and which channels they may be.
-
-How the values of a column run, before anybody has said what the column is.
-
-What columns say of each other, before anybody has said what they are.
+"""Columns that no channel claims: how their values run, and which channels they may be.
 
 What is torque·omega is the power at the shaft, what is a little more is the input and no loss. What
 is a voltage times a current is electrical. What warms slowly while a load stands and cools when it

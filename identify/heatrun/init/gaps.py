@@ -1,22 +1,6 @@
 """What tests do not say and a calibration needs: why it matters, and where it may come from.
 
-In which order columns are offered for a channel, by their names and by what they hold.
-
-- Winding: copper is heated by its own loss and has little heat capacity, so its temperature moves
-  the most of all; what stays while others move is none. A mean of three phases goes before each.
-- Ambient: every body of the machine becomes warmer than the room, so the room is the column whose
-  highest value is the lowest; what moves nearly as far as the warmest body is none.
-- Phase current: an rms value is never negative; the one that moves the most with the load.
-- Losses: positive in the mean. Time: never falls.
-
-A name that speaks for the channel goes before values, unless they contradict it, as a power that is
-torque·omega and a little more contradicts its name of losses. Columns that stay at one number come
-last, except for the ambient, which may be one.
-
-The phase resistance as the head of a file or its scalars state it, for a person to confirm.
-
-Heads are written by hand: `Rs: 0.0062 ohm`, `Phasenwiderstand R20 = 6,2 mΩ`. A resistance between
-terminals, of the insulation or of a shunt is none of the phase.
+Columns are offered in an order (`ranked`), a resistance as the head or scalars of a file state it.
 """
 
 from __future__ import annotations
@@ -128,6 +112,18 @@ class Ranked:
 
 def ranked(channel: str, candidates: Sequence[Candidate]) -> list[Ranked]:
     """Return candidates with a note on each, the likely ones first, each line once.
+
+    - Winding: copper is heated by its own loss and has little heat capacity, so its temperature
+      moves the most of all; what stays while others move is none. A mean of three phases goes
+      before each.
+    - Ambient: every body of the machine becomes warmer than the room, so the room is the column
+      whose highest value is the lowest; what moves nearly as far as the warmest body is none.
+    - Phase current: an rms value is never negative; the one that moves the most with the load.
+    - Losses: positive in the mean. Time: never falls.
+
+    A name that speaks for the channel goes before values, unless they contradict it, as a power
+    that is torque·omega and a little more contradicts its name of losses. Columns that stay at one
+    number come last, except for the ambient, which may be one.
 
     Args:
         channel: Canonical name.
@@ -281,6 +277,9 @@ Stated = tuple[float, str]
 
 def stated_resistance(surveys: Sequence[Survey]) -> dict[str, dict[float, str]]:
     """Return values of `[winding]` by their key, with where each stands; none without a resistance.
+
+    Heads are written by hand: `Rs: 0.0062 ohm`, `Phasenwiderstand R20 = 6,2 mΩ`. A resistance
+    between terminals, of the insulation or of a shunt is none of the phase.
 
     Args:
         surveys: What the files hold.

@@ -1,11 +1,9 @@
-"""The mean of three sensors as a line of `[columns]`, for `heatrun init` to offer.
-
-Sensors of the three phases, told by their names and by their values.
+"""Sensors of the three phases, and their mean as a line of `[columns]` for `heatrun init` to offer.
 
 The names are alike but for one sign, U, V and W, or 1, 2 and 3. T_U, T_V and T_W may also be room,
-inlet and winding, and T1 to T3 anything, so the values decide: sensors of one winding stay within
-a few kelvin of each other while they warm by much more, and currents of a balanced machine within
-a tenth of their value.
+inlet and winding, and T1 to T3 anything, so the values decide: sensors of one winding stay within a
+few kelvin of each other while they warm by much more, and currents of a balanced machine within a
+tenth of their value.
 """
 
 from __future__ import annotations

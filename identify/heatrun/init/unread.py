@@ -1,6 +1,6 @@
 """A test that cannot be read yet: what its files hold, and which channels they lack.
 
-Columns mapped as far as it goes: a channel about which there is a question is left out.
+Columns are mapped as far as it goes: a channel about which there is a question is left out.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""What commands keep between two runs: compiled programs, lists of fonts; none of it is needed.
+"""Folders that hold what commands keep between two runs, and the lock of a folder.
 
-A folder that cannot be written to is a note, and that of the programs stays below a bound.
-
-One process at a time in a folder: the hold ends with the process, however that ends.
+Compiled programs and lists of fonts are kept; none of it is needed. A folder that cannot be written
+to is a note, and that of the programs stays below a bound. A lock keeps a folder to one process at
+a time and ends with the process, however that ends.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Quantities as they are printed for people: number and unit.
-
-Text from files, made harmless for a terminal and for print.
-"""
+"""Quantities as they are printed for people, and texts from files made harmless for print."""
 
 from __future__ import annotations
 

@@ -1,10 +1,8 @@
-"""TOML from outside, bounded before it is parsed.
+"""TOML from outside, bounded before it is parsed, and its values as messages show them.
 
 The parser of the standard library calls itself for each level of nesting, and for a key of n dots
 it does work and holds memory by n squared: 100 kB of dots took 3.4 GB. So levels and dots are
 counted first, in one pass over the text that knows strings and comments and nothing more.
-
-Values of a TOML file as messages show them, and texts of bounded length.
 """
 
 from __future__ import annotations

@@ -1,18 +1,8 @@
 """Files that are there whole or not at all, whatever happens to the process that writes them.
 
-A few steps that belong together are not torn by Ctrl-C or by the end of the session.
-
-Names that nothing stands under yet, so that a second result does not replace a first.
-
-Texts of documents that are passed on: files by their names, without the folders they lie in.
-
-Who opens bench files and motor files: the readers by their path, or a server as it allows.
-
-The time that is written into files: that of SOURCE_DATE_EPOCH where it is set, else now.
-
-The same command with the same seed writes the same bytes. Only the manifest of a run says when it
-was made; with SOURCE_DATE_EPOCH (seconds since 1970, of the Reproducible Builds project) it too is
-the same every time. Other files carry that date where their format wants one, or none.
+Steps that belong together are not torn by Ctrl-C or by the end of the session, and a second result
+does not replace a first. Further down stand texts without the folders of their files, who opens
+what readers read, and the time that is written into files.
 """
 
 from __future__ import annotations
@@ -242,6 +232,10 @@ NO_DATE = datetime.datetime(1980, 1, 1, tzinfo=datetime.UTC)
 
 def stated_moment() -> datetime.datetime | None:
     """Return the moment of SOURCE_DATE_EPOCH in UTC, or None where it is not set.
+
+    The same command with the same seed writes the same bytes. Only the manifest of a run says when
+    it was made; with SOURCE_DATE_EPOCH (seconds since 1970, of the Reproducible Builds project) it
+    too is the same every time. Other files carry that date where their format wants one, or none.
 
     Raises:
         UsageError: If it is no number of seconds.

@@ -1,6 +1,6 @@
-"""Measured bodies beside the winding: which node each stands for, and what a model says of it.
+"""Measured bodies beside the winding, and errors of the bench's instruments as parameters.
 
-Errors of the bench's instruments as parameters: type B uncertainties with their priors.
+The errors are type B uncertainties with their priors. Each body stands for a node of the network.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The effects there are: the catalogue, those of installed packages, and the user's own files.
 
-What effects and networks need: channels of the records, and a place in the network.
+Behind them stands what effects and networks need: channels of the records, a place in the network.
 """
 
 from __future__ import annotations

@@ -13,18 +13,6 @@ out: its responses join the covariance of the noise as columns of a low rank.
 References: M. C. Kennedy, A. O'Hagan, Bayesian calibration of computer models, Journal of the Royal
     Statistical Society B 63 (2001) 425-464. S. Sarkka, M. A. Alvarez, N. D. Lawrence, Gaussian
     process latent force models, IEEE Transactions on Automatic Control 64 (2019) 2953-2960.
-
-Each stretch of the readings predicted from all the others, for cross-validation of draws.
-
-Block means share their noise, so the density of the readings is no product over them, and what
-one block would be worth if it were left out is hardly more than an interpolation of its
-neighbours' noise. Left out here are windows of some minutes. For the readings y of a test and a
-draw theta,
-
-$$ p(y_W \mid y_{-W}, \theta) = \frac{p(y \mid \theta)}{p(y_{-W} \mid \theta)} $$
-
-where the denominator is the density of the test with the blocks of the window taken as not read:
-exact for any noise that can be filtered with gaps.
 """
 
 from __future__ import annotations
@@ -105,7 +93,17 @@ def windows(problem: Problem, num: int = NUM_WINDOWS) -> Windows:
 def left_out(
     problem: Problem, cut: Windows, vectors: Float[np.ndarray, "draw all"]
 ) -> Float[np.ndarray, "draw window"]:
-    """Return the log density of each window given all other readings.
+    r"""Return the log density of each window given all other readings.
+
+    Block means share their noise, so the density of the readings is no product over them, and what
+    one block would be worth if it were left out is hardly more than an interpolation of its
+    neighbours' noise. Left out here are windows of some minutes. For the readings y of a test and a
+    draw theta,
+
+    $$ p(y_W \mid y_{-W}, \theta) = \frac{p(y \mid \theta)}{p(y_{-W} \mid \theta)} $$
+
+    where the denominator is the density of the test with the blocks of the window taken as not
+    read: exact for any noise that can be filtered with gaps.
 
     Args:
         problem: Model and tests.

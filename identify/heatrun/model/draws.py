@@ -1,9 +1,8 @@
 """Draws of parameters and noise, enough to predict any test with.
 
-Effects that a network may miss, none or some in each draw: what they add to the readings. In a
-draw with effects the network's parameters are where these put them, and a prediction needs their
-shares: the difference that each effect makes at the most probable parameters, scaled with its size
-in the draw. They are small, and add up.
+In a draw with effects that the network may miss, the network's parameters are where these put them,
+and a prediction needs the effects' shares: the difference that each makes at the most probable
+parameters, scaled with its size in the draw. They are small, and add up.
 """
 
 from __future__ import annotations

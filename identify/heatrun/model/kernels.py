@@ -1,7 +1,4 @@
-"""A density of the noise made of Student t kernels, and Student t draws.
-
-A compiled function over many items at once: on all cores, or in batches of one size.
-"""
+"""A density of the noise made of Student t kernels, and functions run over many items at once."""
 
 from __future__ import annotations
 

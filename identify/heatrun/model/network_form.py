@@ -1,7 +1,4 @@
-"""The form of a network: its nodes and links, and the parameter behind each of them.
-
-Priors of a network's parameters: their defaults, and what a network file says of them.
-"""
+"""The form of a network: its nodes and links, and the parameter and prior behind each."""
 
 from __future__ import annotations
 

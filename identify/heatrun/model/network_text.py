@@ -1,9 +1,4 @@
-"""The text form of a network: TOML to `NetworkForm` and back.
-
-Where the losses of a network enter: the copper's node, and the shares of all other losses.
-
-The networks that are built in, and networks by name or file.
-"""
+"""The text form of a network: TOML to `NetworkForm` and back, by file or by a built-in name."""
 
 from __future__ import annotations
 

@@ -5,11 +5,7 @@ prior's centre, over the prior's standard deviation. The prior is then z ~ N(0, 
 them, steps of a solver are of one size, and a posterior with |z| sd near 1 is one where the data
 said nothing.
 
-The parameters of effects beside those of the network: names, priors, transforms.
-
-The catalogue gives sizes as they are usual in one machine, of some ten kilowatts. A body beside a
-drone's motor weighs grams, one beside a ship's weighs tons, and both are ordinary. So a quantity
-with a dimension goes with the machine: heat capacities, conductances and what follows from them.
+Behind them stand the parameters of effects, whose priors go with the size of the machine.
 """
 
 from __future__ import annotations
@@ -354,7 +350,13 @@ def effect_parameters(
 
 
 def sized(kind: type[AbstractEffect], quantity: Quantity, size: Size) -> Quantity:
-    """Return a quantity as it is usual in a machine of a size."""
+    """Return a quantity as it is usual in a machine of a size.
+
+    The catalogue gives sizes as they are usual in one machine, of some ten kilowatts. A body beside
+    a drone's motor weighs grams, one beside a ship's weighs tons, and both are ordinary. So a
+    quantity with a dimension goes with the machine: heat capacities, conductances and what follows
+    from them.
+    """
     capacity = size.capacity / CATALOGUE.capacity
     resistance = size.resistance / CATALOGUE.resistance
     factor = {

@@ -2,9 +2,8 @@
 
 A drone's motor and a ship's differ by six powers of ten in every capacity and resistance. How fast
 the winding warms and how far says the scale of both; the priors around it stay wide. Masses in the
-motor file say more of the capacities (`masses`). A prior that the user states is left as it is.
-
-Heat capacities from the masses in the motor file: narrower priors than any test's own scale.
+motor file (`Masses`) say more of the capacities, whose priors are then narrower. A prior that the
+user states is left as it is.
 """
 
 from __future__ import annotations

@@ -1,13 +1,9 @@
 """Reading the motor file: every key is known, every value checked, nothing guessed.
 
-`[tests.NAME]` of the motor file: which parts of a test count, and its own `[columns]`.
-
-Which values a parameter can have in any machine: what lies outside was mistyped, or is a test.
-
+What lies outside the values that a parameter can have in any machine was mistyped, or is a test.
 The ranges are wide: from a motor of some grams to a generator of thousands of tonnes. They keep
 numbers out with which nothing can be computed, such as 1e300, and a unit that is wrong by far.
-
-`[population]` of a motor file: what its sisters say of a machine before its first test.
+`[tests.NAME]` stands before them, `[population]` behind.
 """
 
 from __future__ import annotations

@@ -1,10 +1,7 @@
-"""What each key of the motor file means: the text of the reference page.
+"""What each key of the motor file means, and the reference page that is generated from that.
 
-`heatrun.motor.file` decides what is accepted; a test holds the two together.
-
-The reference page of the motor file, generated from the meanings of its keys.
-
-`python -m heatrun.motor.keys FILE` (`make docs`) writes it again; a test compares the two.
+`heatrun.motor.file` decides what is accepted; a test holds the two together. `python -m
+heatrun.motor.keys FILE` (`make docs`) writes the page again; a test compares the two.
 """
 
 from __future__ import annotations

@@ -6,12 +6,6 @@ how far they do lie apart says whether that is true. An R-hat alone does not: wi
 draws it is 1.003 where all is well and 1.01 where the two ensembles differ by a quarter of a
 standard deviation, five times the error that is claimed. The same holds for the shares of draws
 in the two tails, of which the 95 % intervals are made.
-
-The integrated autocorrelation time of walkers, many quantities at a time.
-
-As `emcee.autocorr.integrated_time`, but about the mean of all walkers instead of each walker's
-own: that takes out of a walk of T steps what it remembers, and the time comes out too short by
-some ten times tau/T, 18 % at 54 times. In single precision it takes a tenth of the time.
 """
 
 from __future__ import annotations
@@ -36,6 +30,10 @@ def autocorrelation_times(
     walks: Float[np.ndarray, "quantity ensemble walker step"],
 ) -> Float[np.ndarray, " quantity"]:
     r"""Return the integrated autocorrelation time of each quantity [steps], at least 1.
+
+    As `emcee.autocorr.integrated_time`, but about the mean of all walkers instead of each walker's
+    own: that takes out of a walk of T steps what it remembers, and the time comes out too short by
+    some ten times tau/T, 18 % at 54 times. In single precision it takes a tenth of the time.
 
     $$ \tau = 1 + 2 \sum_{k=1}^{M} \rho_k, \quad M \ge 5\,\tau $$
 

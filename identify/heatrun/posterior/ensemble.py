@@ -1,6 +1,6 @@
 """An ensemble of walkers that runs in chunks and takes up where a checkpoint ends.
 
-Checkpoints of a sampler: chunks of the chain, each written whole or not at all.
+Each chunk of the chain is written whole or not at all.
 """
 
 from __future__ import annotations

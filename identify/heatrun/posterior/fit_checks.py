@@ -1,14 +1,4 @@
-"""What a posterior and its predictions show of a model that does not suit the tests.
-
-Estimates that lie where their priors do not expect them.
-
-Unmodelled heat, held down where it would keep a network from tests that it could follow.
-
-Heat that a network misses may be as slow as what it has to explain. Where it misses much, such as a
-body measured far from its node, all that is slow goes as heat, and the parameters follow the quick
-changes alone: such a network may run ten kelvin from tests to which least squares brings it within
-two.
-"""
+"""What a posterior and its predictions show of a model that does not suit the tests."""
 
 from __future__ import annotations
 
@@ -260,6 +250,11 @@ def holding_heat(
     found: Fit, *, refit: Callable[[Problem], Fit] | None = None, seed: int = 0
 ) -> Fit:
     """Return the fit, or one with so much less unmodelled heat that the network follows its tests.
+
+    Heat that a network misses may be as slow as what it has to explain. Where it misses much, such
+    as a body measured far from its node, all that is slow goes as heat, and the parameters follow
+    the quick changes alone: such a network may run ten kelvin from tests to which least squares
+    brings it within two.
 
     Where none follows, it is the nearest of those that were tried. What a motor file states under
     `[adequacy]` stays as it is.

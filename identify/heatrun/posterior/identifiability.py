@@ -1,9 +1,6 @@
 """How well the tests determine each parameter, what blocks it, what a longer test gives.
 
-What the reduction of a record to steps costs, in kelvin of the simulated winding.
-
-Two things are lost in it: what the load does within a step, and what it did between two samples.
-Each is measured by simulating the fit once more on other means of the same record.
+Behind it stands what the reduction of a record to steps costs, in kelvin of the simulated winding.
 """
 
 from __future__ import annotations
@@ -239,6 +236,9 @@ def check_reduction(
     found: Fit, record: Record, blocks: Blocks, motor: Motor
 ) -> tuple[float, tuple[Finding, ...]]:
     """Return the error of the reduction to steps [K], and what is to be said about it.
+
+    Two things are lost in it: what the load does within a step, and what it did between two
+    samples. Each is measured by simulating the fit once more on other means of the same record.
 
     Args:
         found: A fit whose network is simulated.

@@ -1,17 +1,4 @@
-"""Predictions with bands: what the parameters leave open, and what the noise adds.
-
-How sure a mean log score is, where neighbouring blocks err alike.
-
-The scores of a test's blocks are no independent draws: an error that lasts ten minutes spoils all
-blocks within. The standard error of their mean is that of an autocorrelated series: it is freed of
-an autoregression of first order, the rest is summed with the weights of Bartlett, and the
-autoregression is put back (prewhitening).
-
-Reference: D. W. K. Andrews, J. C. Monahan, An improved heteroskedasticity and autocorrelation
-    consistent covariance matrix estimator, Econometrica 60 (1992) 953; W. K. Newey, K. D. West,
-    Econometrica 55 (1987) 703; M. G. Kendall, Biometrika 41 (1954) 403 (bias of the
-    autocorrelation).
-"""
+"""Predictions with bands, what the parameters leave open and the noise adds, and their scores."""
 
 from __future__ import annotations
 
@@ -82,12 +69,22 @@ def _log_normal(residual: np.ndarray, sd: np.ndarray) -> np.ndarray:
 def standard_error(series: Float[np.ndarray, " observed"]) -> float | None:
     """Return the standard error of the mean of a correlated series, None for less than ten values.
 
+    The scores of a test's blocks are no independent draws: an error that lasts ten minutes spoils
+    all blocks within. The standard error of their mean is that of an autocorrelated series: it is
+    freed of an autoregression of first order, the rest is summed with the weights of Bartlett, and
+    the autoregression is put back (prewhitening).
+
     Args:
         series: Values in their order, in any unit.
 
     Returns:
         In the unit of the series. What stays alike over the whole series has its standard
         deviation as standard error, at most.
+
+    Reference: D. W. K. Andrews, J. C. Monahan, An improved heteroskedasticity and autocorrelation
+        consistent covariance matrix estimator, Econometrica 60 (1992) 953; W. K. Newey, K. D. West,
+        Econometrica 55 (1987) 703; M. G. Kendall, Biometrika 41 (1954) 403 (bias of the
+        autocorrelation).
     """
     num = series.size
     if num < FEWEST or not np.all(np.isfinite(series)):

@@ -16,15 +16,6 @@ model's curve leaves the plane of J_0, and the importance weights make up for it
 Reference: J. M. Bardsley, A. Solonen, H. Haario, M. Laine, Randomize-then-optimize: a method for
     sampling from posterior distributions in nonlinear inverse problems, SIAM Journal on Scientific
     Computing 36 (2014) A1895-A1910.
-
-Rounds of draws that follow the model, around every optimum, until their weights are sound.
-
-Randomize-then-optimize around one optimum does not pass a fold of the model, behind which another
-optimum may lie. So an optimum that no draw came near is drawn around too, and each draw counts with
-the mean density of all proposals.
-
-Reference: V. Elvira, L. Martino, D. Luengo, M. F. Bugallo, Generalized Multiple Importance
-    Sampling, Statistical Science 34 (2019) 129-155.
 """
 
 from __future__ import annotations
@@ -375,6 +366,10 @@ MOST_ROUNDS = 16
 def sample_rto(fit: Fit, kernels: Kernels, rng: np.random.Generator) -> Weighted | None:
     """Return importance samples that follow the posterior, as many as make them sound.
 
+    Draws around one optimum do not pass a fold of the model, behind which another optimum may lie.
+    So an optimum that no draw came near is drawn around too, and each draw counts with the mean
+    density of all proposals.
+
     Args:
         fit: The optima.
         kernels: Density of the noise.
@@ -382,6 +377,9 @@ def sample_rto(fit: Fit, kernels: Kernels, rng: np.random.Generator) -> Weighted
 
     Returns:
         The draws, or None where they leave out an optimum of the fit.
+
+    Reference: V. Elvira, L. Martino, D. Luengo, M. F. Bugallo, Generalized Multiple Importance
+        Sampling, Statistical Science 34 (2019) 129-155.
     """
     around = [_learned(fit, fit.z, kernels, rng)]
     found = around[0][0].weighted

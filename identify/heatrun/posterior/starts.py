@@ -6,7 +6,7 @@ winding and of bodies whose sensors were fitted, are held against the model with
 sensor, clock, effects, noise. The readings are nearly linear in the starts, and the answer is that
 of linear Gaussian regression for each draw.
 
-Are the steps of a test short enough for the fastest node of every draw?
+`too_stiff` tells whether the steps of a test are short enough for the fastest node of every draw.
 """
 
 from __future__ import annotations

@@ -1,11 +1,4 @@
-"""Draws with importance weights, and when they can be trusted.
-
-Equally weighted draws of which none stands for many.
-
-Draws that are picked by their weights repeat: the few that the proposal makes too rarely stand
-dozens of times, and the end of an interval may rest on one of them. Some steps of differential
-evolution, which leave the posterior as it is, move the copies apart.
-"""
+"""Draws with importance weights, when they can be trusted, and draws of equal weight."""
 
 from __future__ import annotations
 
@@ -229,6 +222,10 @@ Spread = tuple[Float[np.ndarray, "draw all"], Float[np.ndarray, " draw"]]
 
 def spread(fit: Fit, weighted: Weighted, num: int, rng: np.random.Generator) -> Spread:
     """Return draws picked by their weights and moved apart, with their log posterior [nat].
+
+    Draws that are picked by their weights repeat: the few that the proposal makes too rarely stand
+    dozens of times, and the end of an interval may rest on one of them. Some steps of differential
+    evolution, which leave the posterior as it is, move the copies apart.
 
     Args:
         fit: What is sampled.

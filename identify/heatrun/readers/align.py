@@ -5,8 +5,6 @@ clocks is found by the motor's own thermal response (`heatrun.readers.clock_offs
 second of it is enough to invent a dead time that no motor has, so its uncertainty is part of the
 result. The drive is then averaged over the time that each temperature sample stands for, so that
 power is conserved; temperatures are never interpolated, since they are what a fit is scored on.
-
-Putting a drive's channels on the clock of the thermometer, with power conserved.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Times written as a clock, turned to seconds: by the format that the header states, or by their
-own look where that leaves one reading.
+"""Times written as a clock, turned to seconds by the format of the header or by their own look.
 
-Formats of times as headers state them: hh:mm, [d:hh:mm], mm:ss.fff, dd/mm/yyyy hh:mm:ss.
+Their look counts where it leaves one reading. Formats that headers state: hh:mm, [d:hh:mm],
+mm:ss.fff, dd/mm/yyyy hh:mm:ss.
 """
 
 from __future__ import annotations

@@ -1,5 +1,4 @@
-"""Where on the thermometer's clock does the drive's clock start? A search by the motor's own
-response.
+"""Where on the thermometer's clock the drive's clock starts, by the motor's own response.
 
 For each offset the winding temperature is regressed on the lagged heats of the drive. The residuals
 are whitened by a short autoregression, since neighbouring samples of a logger do not err
@@ -8,13 +7,7 @@ samples it may count is judged twice, and the smaller number holds: by the corre
 whitening has left, and by how the contributions to the slope of the likelihood, which come in lumps
 at the steps of the load, add up.
 
-How the winding answers the drive's heat, as a linear regression at any offset of the two clocks.
-
-The winding of any network of resistances and capacities answers heat as a sum of first-order lags.
-The temperature is regressed on the heats after a fast and a slow lag, looked up over a bank of time
-constants, plus a constant and the decay of whatever went before. The lagged heats are integrated
-once on the drive's fine grid; an offset then only reads them elsewhere, far below the spacing of
-the temperatures.
+The regression (`Response`) comes first, then the search and how far its likelihood can be trusted.
 """
 
 from __future__ import annotations
@@ -92,6 +85,12 @@ class Whitening:
 @dataclass(frozen=True)
 class Response:
     """Block means of one temperature, and the lagged heats to regress them on.
+
+    The winding of any network of resistances and capacities answers heat as a sum of first-order
+    lags. The temperature is regressed on the heats after a fast and a slow lag, looked up over a
+    bank of time constants, plus a constant and the decay of whatever went before. The lagged heats
+    are integrated once on the drive's fine grid; an offset then only reads them elsewhere, far
+    below the spacing of the temperatures.
 
     Attributes:
         middle_s: Mean time of each block on the thermometer's clock [s], shape (blocks,).

@@ -4,11 +4,6 @@ The first look reads what is there like any file. A later one reads the new line
 the file, behind lines that are known already: where these come out as they did before, the rows
 behind them are what reading the whole file would give. Where not, the whole file is read, and so
 seldom that it takes a small share of the time.
-
-Columns that grow: what was handed out stays as it is, and a row costs the same however many
-there are.
-
-The columns of a file that no channel claims, for whoever wants to look at them.
 """
 
 from __future__ import annotations

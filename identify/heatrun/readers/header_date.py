@@ -1,8 +1,6 @@
-"""The day of a test from the lines above its table: a date that is said to be that of the test.
+"""The day of a test: from the lines above its table, or as the clock of the recording says.
 
-The day on which a recording began, as its own clock says.
-
-Clocks and dates with words or other signs in them: the month in letters, no signs at all, a
+Clocks and dates may have words or other signs in them: the month in letters, no signs at all, a
 colon before the thousandths, hours and minutes by their letter, years and days by their character.
 """
 

@@ -1,14 +1,4 @@
-"""Columns on their way to channels: taken, converted, noted.
-
-The unit that a column is read in: everything that its file says of it, against each other.
-
-Statements are the marked units of the name, the row of units, comment lines and what the file
-keeps beside the name. All of them must be units of the channel's quantity and mean the same; what
-does not is a question for `[columns]` and never decided here. Without a statement, a unit that is
-part of the name counts (`heatrun.readers.labels`), and without that nobody says.
-
-Which column became which channel, in which unit, and how that is known: as data and as text.
-"""
+"""Columns on their way to channels: unit found, values converted, and how that is known."""
 
 from __future__ import annotations
 
@@ -66,6 +56,11 @@ def statements(column: Column) -> tuple[Stated, ...]:
 
 def unit_of(column: Column, channel: Channel, where: str) -> tuple[str | None, UnitSource]:
     """Return the unit text of a column that becomes a channel, and how it is known.
+
+    Statements are the marked units of the name, the row of units, comment lines and what the file
+    keeps beside the name. All of them must be units of the channel's quantity and mean the same;
+    what does not is a question for `[columns]` and never decided here. Without a statement, a unit
+    that is part of the name counts (`heatrun.readers.labels`), and without that nobody says.
 
     Returns:
         The text, None if nobody says.

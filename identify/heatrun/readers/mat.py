@@ -1,9 +1,8 @@
 """Reader of MATLAB files: versions 5 to 7, and 7.3, which is HDF5.
 
-Variables within structs, groups, cells and matrices, brought to one name each.
-
-A struct that holds one signal, as Simulink ("structure with time": `signals(k).values`, `.label`)
-and dSPACE (`Y(k).Data`, `.Name`, `.Unit`) write them, gives the signal its name and its unit.
+Variables within structs, groups, cells and matrices are brought to one name each. A struct that
+holds one signal, as Simulink ("structure with time": `signals(k).values`, `.label`) and dSPACE
+(`Y(k).Data`, `.Name`, `.Unit`) write them, gives the signal its name and its unit.
 """
 
 from __future__ import annotations

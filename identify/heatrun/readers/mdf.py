@@ -2,12 +2,9 @@
 
 Only the channels that are asked for are read, in pieces. Formulas are not evaluated: the library
 hands the text of an algebraic conversion to an evaluator of Python expressions, and where that
-fails returns the raw values without a word. Attachments and bus traffic stay unopened.
-
-An MDF 4 file without what a fit never needs: history, events, attachments, comments.
-
-The library reads attachments whole into memory when it opens a file, and parses the XML of
-comments. The links to them are blanked out on the way to it, so that it finds none.
+fails returns the raw values without a word. When it opens a file, it reads attachments whole into
+memory and parses the XML of comments. So the links to history, events, attachments and comments are
+blanked out on the way to it (`HIDDEN`), and it finds none. Bus traffic stays unopened.
 """
 
 from __future__ import annotations

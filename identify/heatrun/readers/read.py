@@ -1,6 +1,6 @@
 """From a bench file to a record: reader, channel map, time axis, derived channels.
 
-Which files are measurement files, read channel by channel from the disk and never as a whole.
+Measurement files are read channel by channel from the disk and never as a whole.
 """
 
 from __future__ import annotations

@@ -1,15 +1,8 @@
 """Reader of TDMS measurement files; needs the extra `heatrun[tdms]`.
 
-Only the channels that are asked for are read. The index file that may lie beside a TDMS file is
-not opened, since it may belong to another recording.
-
-The scalings of a TDMS channel, checked before a library builds them.
-
-A scaling is numbers only: polynomials, tables, laws of sensors. Yet their count is a property of
-the file and allocated as it stands, sums refer to each other without limit, and of a kind that is
-not known the library returns the raw values without a word.
-
-The segments of a TDMS file, checked before a library reads what is in them.
+Only the channels that are asked for are read. The index file that may lie beside a TDMS file is not
+opened, since it may belong to another recording. Scalings and segments are checked before the
+library builds or reads what is in them.
 
 Layout of the lead-in: National Instruments, "TDMS File Format Internal Structure".
 """
@@ -52,6 +45,10 @@ SCALE = re.compile(r"NI_Scale\[(\d+)\]_Scale_Type")
 
 def scaling_refusal(properties: Sequence[Mapping[str, object]]) -> tuple[str, str] | None:
     """Return why the scaling of a channel cannot be trusted and what to do, None if it can.
+
+    A scaling is numbers only: polynomials, tables, laws of sensors. Yet their count is a property
+    of the file and allocated as it stands, sums refer to each other without limit, and of a kind
+    that is not known the library returns the raw values without a word.
 
     Of the properties of channel, group and file the first with scalings count.
     """

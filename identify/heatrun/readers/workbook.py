@@ -1,9 +1,8 @@
-"""The cells of an Excel workbook as lines of text; needs the extra `heatrun[excel]`.
+"""Reader of Excel workbooks, as the text reader reads a table; needs the extra `heatrun[excel]`.
 
-A number is written without a decimal sign, as `225e-1`: it then counts under either sign, and what
-the text reader finds out about decimal signs rests on the cells of text alone.
-
-Reader of Excel workbooks: the sheet that is a test, read as the text reader reads a table.
+The cells of the sheet that is a test become lines of text. A number is written without a decimal
+sign, as `225e-1`: it then counts under either sign, and what the text reader finds out about
+decimal signs rests on the cells of text alone.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ of the torque adds changes its sign with the direction of rotation, and can be r
 machine stands without current; so can an offset of the powers.
 
 What contradicts the prior of such an error is the test's own: fit, posterior and prediction take it
-in place of that prior, in this test alone (`inference.instruments`).
+in place of that prior, in this test alone (`heatrun.model.bodies.own_errors`).
 """
 
 from __future__ import annotations

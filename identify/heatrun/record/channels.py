@@ -1,18 +1,9 @@
-"""The `[columns]` of a motor file: which column of a bench file is which channel.
+"""The canonical channels, and `[columns]` of a motor file: which column of a bench file is which.
 
-The canonical channels: one name, one quantity, one unit and one meaning each.
-
-The name of a channel carries its unit; `heatrun.record.units` converts a column to it when
-a file is read, and nothing converts afterwards.
-
-The column names of known benches and programs, as data.
-
-What the scalars of a file mean, and whether they agree with the motor file.
-
-Several sensors of one channel: `mean(T_U, T_V, T_W)` and `hottest(T_U, T_V, T_W)`.
-
-The thermometers of the three phases read one winding. Their mean is what a network of one winding
-node stands for; the hottest is what an insulation limit is about.
+A channel has one name, one quantity, one unit and one meaning. Its name carries its unit;
+`heatrun.record.units` converts a column to it when a file is read, and nothing converts afterwards.
+Behind the channels stand the column names of known benches and programs, the scalars of a file,
+several sensors of one channel, and the lines of `[columns]`.
 """
 
 from __future__ import annotations
@@ -383,6 +374,9 @@ def refuse_combination(channel: str, how: str, num_parts: int, where: str) -> No
 
 def combine(channel: str, how: str, parts: Sequence[np.ndarray]) -> np.ndarray:
     """Return one course for several sensors, NaN wherever one of them has no reading.
+
+    The thermometers of the three phases read one winding. Their mean is what a network of one
+    winding node stands for; the hottest is what an insulation limit is about.
 
     A sensor that drops out would make the mean jump: what is left is not the same mean.
 

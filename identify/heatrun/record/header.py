@@ -9,7 +9,7 @@ One tokenizer reads names, cells of a row of units, comment lines and the right-
                                               "in" or "unit:"; else part of the label
     mark    = label ("/" | "," | " in " | ":" | "|" | "=" | " - ") unit
             | label blank unit                if the unit holds "/", "°", "%" or a power
-    unit    = a spelling of `unit_table`, with words of statistics around it ("kW, mean"),
+    unit    = a spelling of `units`, with words of statistics around it ("kW, mean"),
               or a format of clock times ("hh:mm"), handed on as it stands
 
 A mark counts with no bracket alone, the leftmost one that leaves a unit. Behind " in " and " / "
@@ -23,8 +23,6 @@ temperature in degC, `I_C` the current of the third phase.
 
 Blanks that do not break, full-width signs and dashes of all lengths count as the plain ones. Time
 and memory grow with the length of the cell alone, and a cell is at most `LONGEST_NAME` long.
-
-Words of column names that stand where a unit may stand and are none.
 """
 
 from __future__ import annotations

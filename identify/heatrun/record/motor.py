@@ -1,9 +1,8 @@
-"""What the motor file says of the machine under test.
+"""What the motor file says of the machine under test, and a certificate of its laboratory.
 
-What a certificate says beside the results: who, what, when, with which instruments.
-
-It stands in `[certificate]` of the motor file or in a file of its own (`--meta`). All of it may be
-left out; what is not given is a blank line on the certificate.
+The certificate's part (who, what, when, with which instruments) stands in `[certificate]` or in a
+file of its own (`--meta`). All of it may be left out; what is not given is a blank line on the
+certificate.
 """
 
 from __future__ import annotations

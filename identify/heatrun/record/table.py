@@ -1,8 +1,7 @@
 """What a reader returns: the columns of one file under the names that stand in it.
 
-Columns of one name told apart: they are called `NAME #1`, `NAME #2` and so on.
-
-Logs of raw bus frames (CAN, LIN, FlexRay): bytes, of which a DBC makes signals.
+Columns of one name are told apart as `NAME #1`, `NAME #2` and so on. Logs of raw bus frames (CAN,
+LIN, FlexRay) hold bytes, of which a DBC makes signals; they are refused.
 """
 
 from __future__ import annotations

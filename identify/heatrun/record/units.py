@@ -1,14 +1,12 @@
-"""The units of each quantity that a bench records, with the ways in which benches write them.
+"""The units of each quantity as benches write them, and their conversion to the canonical one.
 
-Units as benches write them, and their conversion to the canonical unit of a quantity.
-
-This is the only place where heatrun converts units. The table (`heatrun.record.units`)
-is our own and no general library such as pint stands behind it. What is asked of a unit here is
-decided by the quantity of the channel, and mostly against the SI: C is degrees Celsius and not
-coulomb, F Fahrenheit and not farad, a plain A of a phase is rms and one of the d axis an amplitude,
-U/min and tr/min are rpm, Hz of a speed is refused. A library would need every one of these entries
-as an exception in front of it and would answer for what has none, where a question is wanted; it
-would add an import to every reading, to multiply by some forty factors.
+This is the only place where heatrun converts units. The table is our own and no general library
+such as pint stands behind it. What is asked of a unit here is decided by the quantity of the
+channel, and mostly against the SI: C is degrees Celsius and not coulomb, F Fahrenheit and not
+farad, a plain A of a phase is rms and one of the d axis an amplitude, U/min and tr/min are rpm, Hz
+of a speed is refused. A library would need every one of these entries as an exception in front of
+it and would answer for what has none, where a question is wanted; it would add an import to every
+reading, to multiply by some forty factors.
 """
 
 from __future__ import annotations

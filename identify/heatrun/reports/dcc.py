@@ -1,10 +1,6 @@
-"""The Digital Calibration Certificate of a run, as XML.
+"""The Digital Calibration Certificate of a run, as XML: its elements, its results, the whole.
 
 Reference: Physikalisch-Technische Bundesanstalt, DCC schema 3.3.0 and D-SI schema 2.2.1.
-
-Elements of the DCC and of D-SI: names, texts, quantities.
-
-What was found, as elements of the DCC: statements, method, instruments, conditions, results.
 """
 
 from __future__ import annotations

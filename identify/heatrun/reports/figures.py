@@ -1,7 +1,4 @@
-"""Figures of a run, drawn from its tables; nothing is computed here but differences.
-
-The figure of page 1: measured winding, model with its 95 % band, limit of the insulation.
-"""
+"""Figures of a run, drawn from its tables; nothing is computed here but differences."""
 
 from __future__ import annotations
 

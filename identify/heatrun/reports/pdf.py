@@ -1,8 +1,6 @@
-"""The parameter sheet as PDF.
+"""The parameter sheet as PDF, set by Typst from a template and plain data that never become markup.
 
 Letters that no font here can draw stand on paper as their numbers, not as empty boxes.
-
-Documents set by Typst from a template and plain data; data never become markup.
 """
 
 from __future__ import annotations

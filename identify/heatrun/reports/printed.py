@@ -1,11 +1,4 @@
-"""How an uncertain number is printed: value ± U where that is true, else its interval.
-
-Numbers with the digits that their uncertainty warrants.
-
-The days of the tests: from the records, or as the laboratory states them.
-
-Channels that nobody measured: numbers of the motor file.
-"""
+"""How uncertain numbers are printed, value ± U or an interval, and the days of the tests."""
 
 from __future__ import annotations
 

@@ -1,14 +1,4 @@
-"""The parameter sheet as XLSX, with the worksheet that the bench is used to, in live formulas.
-
-The courses of the tests: measured, model and residual, each test with a chart of its own.
-
-The worksheet of the published identification, in live formulas. Its estimator was made for DC
-tests: the losses of an AC test stand there as the current and the voltage that would put the same
-power into a fictitious winding of 1 ohm at 20 degC, once the total, once its copper part.
-
-Reference: G. Agostino, Powertrain Retrofit kit testing and thermal modeling, Politecnico di Torino,
-2022/2023, Figure 7.
-"""
+"""The parameter sheet as XLSX: courses with charts, and the bench's worksheet in live formulas."""
 
 from __future__ import annotations
 
@@ -125,7 +115,15 @@ PLACES = (1, 2, 2, 4, 1, 2, 2, 2, 6, 1, 1, 2, 2)
 def add_worksheet(
     book: Any, cells: Cells, result: FitResult, name: str, table: pd.DataFrame, say: Texts
 ) -> None:
-    """Write the worksheet of the published identification over the blocks of one test."""
+    """Write the worksheet of the published identification over the blocks of one test.
+
+    Its estimator was made for DC tests: the losses of an AC test stand there as the current and the
+    voltage that would put the same power into a fictitious winding of 1 ohm at 20 degC, once the
+    total, once its copper part.
+
+    Reference: G. Agostino, Powertrain Retrofit kit testing and thermal modeling, Politecnico di
+        Torino, 2022/2023, Figure 7.
+    """
     sheet = book.add_worksheet(say("sheet_worksheet"))
     bold = cells.bold
     forms = [cells.digits(places) for places in PLACES]

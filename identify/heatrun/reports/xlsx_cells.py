@@ -1,7 +1,4 @@
-"""Cells of the workbook: numbers with the digits of the sheet.
-
-The first sheet of the workbook: the certificate, with numbers as they are printed.
-"""
+"""Cells of the workbook with the digits of the sheet, and its first sheet, the certificate."""
 
 from __future__ import annotations
 

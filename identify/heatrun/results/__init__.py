@@ -1,6 +1,4 @@
-"""What `fit.json` and `discovery.json` hold, as types.
-
-Field names are the keys of the files.
+"""What `fit.json` and `discovery.json` hold, as types; field names are the keys of the files.
 
 Reading, writing and the schemas all follow from these types: `to_json` writes any of them,
 `from_json` reads and checks one, and `python -m heatrun.results.schema` prints the schemas.

@@ -1,11 +1,4 @@
-"""The result of a discovery: the whole of `discovery.json`.
-
-What became of an effect of the library, as it stands in `discovery.json`.
-
-Effects that a discovery accepted, their rivals and traces, as they stand in `discovery.json`.
-
-Errors before and after a discovery, as they stand in `discovery.json`.
-"""
+"""The types of `discovery.json`: effects and their fate, errors before and after, and the whole."""
 
 from __future__ import annotations
 

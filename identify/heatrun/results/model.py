@@ -1,19 +1,4 @@
-"""A fitted network, as it stands in `fit.json`.
-
-A figure that follows from the parameters, or why there is none, as it stands in `fit.json`.
-
-A parameter of a fitted network, as it stands in `fit.json`.
-
-Errors of a network on one test, as they stand in `fit.json`.
-
-A test of a calibration, as it stands in `fit.json`.
-
-What a network misses, where and when, as it stands in `discovery.json`.
-
-Two networks on the same tests, as they stand in `fit.json`.
-
-The result of a calibration: the whole of `fit.json`.
-"""
+"""The types of `fit.json`: figures, parameters, tests, misfit, comparison, and the whole."""
 
 from __future__ import annotations
 

@@ -1,9 +1,4 @@
-"""Currents of duty types, and of any duty, at the insulation limit, where they are asked for.
-
-The current of a duty type at the insulation limit, by simulating the duty.
-
-Continuous current and time to the limit of the insulation class.
-"""
+"""Currents at the insulation limit: continuous, of duty types, and of any duty by simulation."""
 
 from __future__ import annotations
 

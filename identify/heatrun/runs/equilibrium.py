@@ -1,17 +1,6 @@
-r"""Has the machine reached thermal equilibrium, on each stretch of constant load by itself?
+"""Has the machine reached thermal equilibrium, on each stretch of constant load by itself?
 
-The stretches of a test over which load and cooling are held.
-
-A course that was stopped before it settled, continued to its steady state by an exponential.
-
-The rise over the sink of the last stretch of constant load is taken as
-
-$$ \theta(t) = \theta_\infty + A\, e^{-(t - t_0)/\tau} $$
-
-after its first minutes, in which the fast parts settle. For each time constant the line of least
-squares gives the rest; the time constants are weighed by the likelihood that is left, with as many
-samples as the residuals are independent. A band follows, and no figure where the course is still
-so straight that any steady state would do.
+A course that was stopped before it settled is continued to its steady state (`steady_rise`).
 """
 
 from __future__ import annotations
@@ -189,7 +178,16 @@ class SteadyRise:
 def steady_rise(
     time_s: Float[np.ndarray, " time"], rise_K: Float[np.ndarray, " time"]
 ) -> SteadyRise | str:
-    """Continue a course to its steady state.
+    r"""Continue a course to its steady state.
+
+    The rise over the sink of the last stretch of constant load is taken as
+
+    $$ \theta(t) = \theta_\infty + A\, e^{-(t - t_0)/\tau} $$
+
+    after its first minutes, in which the fast parts settle. For each time constant the line of
+    least squares gives the rest; the time constants are weighed by the likelihood that is left,
+    with as many samples as the residuals are independent. A band follows, and no figure where the
+    course is still so straight that any steady state would do.
 
     Args:
         time_s: Increasing times of one stretch of constant load [s].

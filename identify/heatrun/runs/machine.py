@@ -4,9 +4,7 @@ The other losses P_ol are held at what they were in the loaded part of the tests
 balance says nothing about loads that were not run; the copper loss follows current and
 temperature. All physics is that of `lptn`, for any network with any effects.
 
-What the tests have seen: the range that figures hold in, and the load they are told for.
-
-One figure from its draws: value, interval and the condition it holds under, or a refusal.
+What the tests have seen comes first, a figure of its draws, or its refusal, at the end.
 """
 
 from __future__ import annotations

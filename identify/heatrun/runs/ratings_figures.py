@@ -1,10 +1,6 @@
-"""Figures that follow from the parameters: time constants, rises, continuous current, times.
+"""Figures that follow from the parameters: time constants, resistances, rises, currents, times.
 
 Each comes with an interval and the condition it holds under, or is refused with a reason.
-
-How fast the network of each draw is: state matrices, and the times of its nodes.
-
-Resistances that depend on speed, flow or temperature, at stated conditions.
 """
 
 from __future__ import annotations

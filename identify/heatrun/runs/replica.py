@@ -1,7 +1,4 @@
-"""Simpler networks that come nearest to a model, for tools that take no more.
-
-The network nearest to a model with more effects; any other network, heated as a tool heats it.
-"""
+"""Simpler networks that come nearest to a model, for tools that take no more."""
 
 from __future__ import annotations
 

@@ -1,10 +1,6 @@
 """A run read back: model with effects, draws, noise, tests, findings, predictions.
 
-The text form of a fitted model: TOML in the run folder that reads back to the same value.
-
-What the laboratory states of a run, beside its results.
-
-The figure of a run: measured and predicted courses with their bands.
+Its model stands in the folder as TOML that reads back to the same value.
 """
 
 from __future__ import annotations

@@ -2,11 +2,7 @@
 
 A run works in `NAME.partial` beside its destination, where its checkpoints lie; the folder takes
 its name in one step when everything is in it. The same command started again finds the partial
-folder of the same inputs and goes on.
-
-The files that a run was made of: it keeps their paths and digests, and no signals.
-
-Where runs go that no folder was named for, and where none can go.
+folder of the same inputs and goes on. Of its own files a run keeps paths and digests, no signals.
 """
 
 from __future__ import annotations

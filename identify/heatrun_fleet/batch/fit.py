@@ -1,4 +1,4 @@
-"""The fit of many machines: what `inference.fitting.fit` does for one, in batches of one width.
+"""The fit of many machines: what `heatrun.fit.fit` does for one, in batches of one width.
 
 Machines whose problems have one structure and tests of one padded shape share compiled programs, as
 many machines at a time as a batch is wide; empty places are filled with copies of the last one. So
@@ -79,7 +79,7 @@ def fit_batch(
 
     Args:
         problems: Model and tests of each machine; as many as there is memory for.
-        num_starts: As `inference.fitting.fit.fit`.
+        num_starts: As `heatrun.fit.fit.fit`.
         seed: Likewise.
         width: Machines in a batch.
 

@@ -1,9 +1,7 @@
-"""The numbers of machines side by side: machines (lanes) stand in the trailing axis of all arrays.
+"""The march of a bare network and its derivatives, for many machines side by side.
 
-Tests of one padded shape are lanes beside each other too: a lane is a test of a machine, and those
-of the first test come first.
-
-The march of a bare network and its derivatives, for many machines side by side.
+Machines (lanes) stand in the trailing axis of all arrays. Tests of one padded shape are lanes
+beside each other too: a lane is a test of a machine, and those of the first test come first.
 
 The numbers are those of `lptn.block_means`; the loop is another, because a batch that is mapped
 over the general one runs five times slower. Three things make it fast:
@@ -14,12 +12,6 @@ over the general one runs five times slower. Three things make it fast:
 - The parameters act through fewer quantities: the phase resistance and the error of the current
   through one slope of the copper loss. Only these quantities have a tangent in the loop.
 - Gain and offset of the sensor act on the block means, not on the steps.
-
-Readings that come late, for machines side by side: `lptn.TimeShift`, lane by lane.
-
-A logger of the load that is too slow to tell when a step came moves the whole reading by a time of
-its own in each test, straight between the edges of the steps. Here it moves by a step at most: then
-a shifted edge needs its two neighbours alone, and the march is still made once.
 """
 
 from __future__ import annotations
@@ -358,7 +350,7 @@ def _linear(
 
 
 SIDE_S = 1e-9
-"""Puts no shift on the side from which `lptn.TimeShift` has its slope [s]."""
+"""Puts no shift on the side from which `lptn.effects.TimeShift` has its slope [s]."""
 
 
 class LateMeans(NamedTuple):
@@ -412,8 +404,12 @@ def late_means(
 ) -> LateMeans:
     """Return the block means of tests whose readings are late.
 
+    A logger of the load that is too slow to tell when a step came moves the whole reading by a time
+    of its own in each test, straight between the edges of the steps. Here it moves by a step at
+    most: then a shifted edge needs its two neighbours alone, and the march is still made once.
+
     Args:
-        model: As `march.moving`.
+        model: As `moving`.
         rows: Likewise.
         quantities: Likewise.
         free: Likewise.

@@ -1,17 +1,14 @@
-"""Residuals of many machines side by side, and their derivatives by the scores.
+"""Residuals of many machines side by side, their derivatives by the scores, noise and heat.
 
-Small symmetric matrices of many lanes at once, without a library of linear algebra.
+They are freed of the noise's correlation, and of unmodelled heat, as `heatrun.model.noise` and
+`heatrun.model.discrepancy` do it, lane by lane; the columns of the heat, the strongest directions
+of the responses to a Gauss-Markov heat in each heated node, are the same up to their signs. Lanes
+stand in the trailing axis.
 
-Batches of factorisations inside compiled code are shared among XLA's threads, which wait for one
-another where two of them run at once (`inference.batches.ALONE`); sweeps have no such trouble, and
-run alike on every device. Lanes stand in the trailing axis.
-
-Residuals of many machines freed of the noise's correlation: `inference.noise`, lane by lane.
-
-What unmodelled heat does to the tests of many machines: `inference.discrepancy`, lane by lane.
-
-The columns are the same up to their signs: the strongest directions of the responses to a
-Gauss-Markov heat in each heated node.
+Small symmetric matrices are swept, without a library of linear algebra: batches of factorisations
+inside compiled code are shared among XLA's threads, which wait for one another where two of them
+run at once (`heatrun.model.kernels.ALONE`). Sweeps have no such trouble, and run alike on every
+device.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The noise of many machines from their residuals, the parameters integrated out.
 
-The restricted likelihood is that of `inference.fitting.restricted`; here its gradient is written
-out. Heat and parameters are both standard normals that act through columns X of the residuals: with
-the precision A = X'X + 1 and u its most probable value, the gradient by a parameter of the noise is
+The restricted likelihood is that of `heatrun.fit.restricted`; here its gradient is written out.
+Heat and parameters are both standard normals that act through columns X of the residuals: with the
+precision A = X'X + 1 and u its most probable value, the gradient by a parameter of the noise is
 that of the whitened columns Y contracted with Y C, where C = (inv(A) + u u', -u; -u', 1).
 """
 
@@ -296,7 +296,7 @@ def noise_precision(
 ) -> Float[Array, "noise noise lane"]:
     """Return the second derivative of minus the restricted likelihood, by differences.
 
-    As `inference.fitting.restricted.noise_precision`, whose width it shares.
+    As `heatrun.fit.restricted.noise_precision`, whose width it shares.
     """
     width = 1e-4
     shifts = width * jnp.concatenate([jnp.eye(len(NOISE)), -jnp.eye(len(NOISE))])

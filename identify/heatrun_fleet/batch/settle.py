@@ -210,7 +210,7 @@ def _best(found: list[NoiseSearch]) -> tuple[NoiseSearch, Bool[Array, " machine"
 
 @compiled()
 def _noise_starts(machines: Machines, means: list[Means]) -> list[Float[Array, "noise machine"]]:
-    """Return scores at the level of the residuals; as `inference.fitting.restricted` has them."""
+    """Return scores at the level of the residuals; as `heatrun.fit.restricted` has them."""
     count, total, square = 0.0, 0.0, 0.0
     for of_group, group in zip(means, machines.groups, strict=True):
         count = count + sum(group.by_test(group.num_blocks))

@@ -3,10 +3,6 @@
 Each start is a batch of the machines' searches for a few steps. By then most of a machine's
 searches have come together; of those that have, one goes on. All that with few, long steps of the
 march; what is left at the end is searched again with the steps as they are.
-
-Tests with fewer and longer steps: where a search from afar finds its way as well, and sooner.
-
-Lanes picked, put side by side and handed back.
 """
 
 from __future__ import annotations

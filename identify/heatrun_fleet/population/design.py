@@ -1,7 +1,4 @@
-"""The covariates of a population's machines as the columns of its design.
-
-Columns of the fleet file as covariates: numbers, dates in years, or categories.
-"""
+"""Covariates of a population's machines, numbers, dates in years or categories, as its design."""
 
 from __future__ import annotations
 

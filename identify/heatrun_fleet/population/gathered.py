@@ -1,6 +1,6 @@
 """The machines of a type before they are pooled: their evidence, and who is left out and why.
 
-What the tests of each machine say of its parameters, without the prior of its calibration.
+Evidence is what the tests of a machine say of its parameters, without the prior of its calibration.
 """
 
 from __future__ import annotations

@@ -3,12 +3,6 @@
 The parameters of a machine are normal about a mean that may depend on covariates (supplier, date),
 with a covariance that all machines share. A few machines are something else: theirs is the same law
 `OUTLIER_SCALE` times as wide. The parameters of a machine are integrated out in closed form.
-
-Factors of small matrices, without a library of linear algebra.
-
-Batches of factorisations inside compiled code are shared among XLA's threads, which wait for one
-another for ever where two of them run at once: a population of 300 machines on two cores stood
-still. Rank-one updates, as many as a machine has parameters, have no such trouble and are faster.
 """
 
 from __future__ import annotations
@@ -23,7 +17,13 @@ from jaxtyping import Array, Float
 
 
 def cholesky(matrix: Float[Array, "row row"]) -> Float[Array, "row row"]:
-    """Return the lower factor of a positive definite matrix."""
+    """Return the lower factor of a positive definite matrix.
+
+    Batches of factorisations inside compiled code are shared among XLA's threads, which wait for
+    one another for ever where two of them run at once: a population of 300 machines on two cores
+    stood still. Rank-one updates, as many as a machine has parameters, have no such trouble and are
+    faster.
+    """
     size = matrix.shape[0]
     rest, columns = matrix, []
     for pivot in range(size):

@@ -1,7 +1,4 @@
-"""The machines of a fleet by their types, from the rows that `heatrun fleet` wrote.
-
-The machines of a type from the runs of their calibrations.
-"""
+"""The machines of a type, from the rows that `heatrun fleet` wrote or from runs of calibrations."""
 
 from __future__ import annotations
 

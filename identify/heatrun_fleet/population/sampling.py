@@ -1,10 +1,6 @@
-"""Draws of a population's law: importance sampling about its mode, emcee where that will not do.
+"""Draws of a population's law, its tolerance limits, its machines given all, and the next machine.
 
-Limits of a data sheet: where so many machines lie, at such a confidence.
-
-What a population says of its machines: drawn towards it, and which do not fit it.
-
-The prior of the next machine of a type: what its sisters say before its first test.
+The law is drawn by importance sampling about its mode, by emcee where that will not do.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""The populations of all types of a fleet, each in a folder of its own: `heatrun population`.
-
-A population in a few lines for the terminal.
-"""
+"""`heatrun population`: the populations of a fleet's types, each in a folder and as text."""
 
 from __future__ import annotations
 

@@ -1,8 +1,6 @@
 """What is said of a shared effect: its size, what it cannot be told from, and whether it stands.
 
-Which machines would show an effect by their own tests alone.
-
-What the machines of a fleet share, in plain text for the terminal.
+The text for the terminal is made here too.
 """
 
 from __future__ import annotations

@@ -19,19 +19,6 @@ of all effects.
 References: D. R. Cox, D. V. Hinkley, Theoretical Statistics (1974), section 9.3 (score tests).
     P. H. Westfall, S. S. Young, Resampling-Based Multiple Testing (1993), section 2.3 (the law of
     the largest statistic).
-
-What the tests of one machine say of each effect of the catalogue, around its fit.
-
-With the residuals linear in the scores, $r + J z + h a$, noise and unmodelled heat whitened, and
-the machine's own scores spread as their prior around shared ones, $z \sim N(e, 1)$, the tests speak
-of $x = (e, a)$ by a score $v$ and an information $\Lambda$ alone:
-
-$$ v_e = \hat z, \quad v_a = -h'r + B'(J'r + \hat z), \quad
-   \Lambda = \begin{pmatrix} 1 - P^{-1} & B \\ B' & h'h - h'J B \end{pmatrix}, \quad
-   B = P^{-1}J'h, \quad P = J'J + 1 $$
-
-Those of many machines add up. What an effect is told by, less what network, instruments and starts
-could mimic, is in them; so is how far errors that all machines share would move it.
 """
 
 from __future__ import annotations
@@ -77,7 +64,18 @@ class Evidence:
 
 
 def evidence_of(fit: Fit) -> Evidence:
-    """Return what the tests of a machine say of the effects that they could show.
+    r"""Return what the tests of a machine say of the effects that they could show.
+
+    With the residuals linear in the scores, $r + J z + h a$, noise and unmodelled heat whitened,
+    and the machine's own scores spread as their prior around shared ones, $z \sim N(e, 1)$, the
+    tests speak of $x = (e, a)$ by a score $v$ and an information $\Lambda$ alone:
+
+    $$ v_e = \hat z, \quad v_a = -h'r + B'(J'r + \hat z), \quad
+       \Lambda = \begin{pmatrix} 1 - P^{-1} & B \\ B' & h'h - h'J B \end{pmatrix}, \quad
+       B = P^{-1}J'h, \quad P = J'J + 1 $$
+
+    Those of many machines add up. What an effect is told by, less what network, instruments and
+    starts could mimic, is in them; so is how far errors that all machines share would move it.
 
     Args:
         fit: Of the network alone.

@@ -1,7 +1,4 @@
-"""The tests of all effects at one stage of a search, and which of them are seen and plausible.
-
-How large a shared effect is, and how far it differs from machine to machine.
-"""
+"""The tests of all effects at one stage of a search: which are seen, and how large they are."""
 
 from __future__ import annotations
 

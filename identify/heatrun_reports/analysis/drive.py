@@ -1,9 +1,4 @@
-"""What the drive of a record did: electrical power and road speed, from whatever was recorded.
-
-Integrals over a record's own time axis, by sign, with gaps left out and counted.
-
-The losses of a record split into those of the winding and all others.
-"""
+"""What the drive of a record did: electrical power, road speed, integrals, losses split."""
 
 from __future__ import annotations
 

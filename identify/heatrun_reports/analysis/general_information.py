@@ -1,7 +1,4 @@
-"""The General Information table: energy, distance, consumption, and what recuperation saved.
-
-Tolerances as the user gives them: `CHANNEL=VALUE`.
-"""
+"""The General Information table: energy, distance, consumption, recuperation, tolerances."""
 
 from __future__ import annotations
 

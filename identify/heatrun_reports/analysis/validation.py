@@ -1,19 +1,7 @@
-"""Validation of a prototype: two records of one manoeuvre, aligned and compared.
+"""Validation of a prototype: two records of one manoeuvre aligned, and compared signal by signal.
 
-How far two prototypes may differ and still count as agreeing, and what decides it.
-
-Two limits are formed for each signal. One is what the difference matters against: a share of the
-rise for a temperature of the machine, a share of the largest magnitude for any other signal. The
-other is what the two instruments could differ by if the machines were the same: their combined
-uncertainty. The larger one is the tolerance, since a difference that does not matter is no
-disagreement, and one that the instruments cannot tell is none either. A tolerance that the user
-gives stands in place of both.
-
-What is known of how far a reading may be off, and the rise that it is held against.
-
-Two prototypes signal by signal: bias, spread, correlation, energy, verdict.
-
-Energy, distance and consumption of two prototypes over the time in common, with verdicts.
+Tolerances come first, then each signal (bias, spread, correlation, verdict) and the figures of the
+time in common (energy, distance, consumption).
 """
 
 from __future__ import annotations
@@ -98,6 +86,13 @@ def tolerance_of(
     channel: str, scale: Scale, uncertainty: float, given: Mapping[str, float]
 ) -> Tolerance:
     """Return the tolerance of a signal.
+
+    Two limits are formed for each signal. One is what the difference matters against: a share of
+    the rise for a temperature of the machine, a share of the largest magnitude for any other
+    signal. The other is what the two instruments could differ by if the machines were the same:
+    their combined uncertainty. The larger one is the tolerance, since a difference that does not
+    matter is no disagreement, and one that the instruments cannot tell is none either. A tolerance
+    that the user gives stands in place of both.
 
     Args:
         channel: The signal.

@@ -1,9 +1,4 @@
-"""What the figures of all reports share: size, thinning, labels.
-
-Figures of the general and the energy report: courses over time, torque-speed plane.
-
-Figures of a validation: each signal of both prototypes over each other, and the difference.
-"""
+"""Figures of the reports: courses over time, torque-speed plane, two prototypes over each other."""
 
 from __future__ import annotations
 

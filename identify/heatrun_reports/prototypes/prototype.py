@@ -1,9 +1,4 @@
-"""A prototype of a comparison: its role, and the record that stands for it.
-
-One thermal network against the winding of each prototype: on the bench and on the road.
-
-Which record is which prototype: `ROLE=FILE` on the command line.
-"""
+"""A prototype of a comparison: its role, its record, and one network against each."""
 
 from __future__ import annotations
 

@@ -1,9 +1,4 @@
-"""The report on several prototypes: one view of virtual, semi-real, real and repeats.
-
-What the report on several prototypes says in words and tables.
-
-The report on several prototypes, written as PDF, CSV and JSON.
-"""
+"""The report on several prototypes: virtual, semi-real, real and repeats, as PDF, CSV and JSON."""
 
 from __future__ import annotations
 

@@ -1,14 +1,9 @@
-"""Who may ask: requests that the page makes itself, or that a user makes by typing its address.
+"""Who may ask, and what may be opened: nothing of a stranger's page, nothing outside a folder.
 
 A page of a stranger in the same browser reaches this server too, and so does, by a name that is
 bound to this machine, a page that the browser takes for one of ours. Their requests carry a Host,
-an Origin or a Sec-Fetch-Site that is not ours. Every request is judged here before any handler
-sees it.
-
-Opening a file inside a folder, and nothing outside it, whatever is done to the folder meanwhile.
-
-A path that was looked at and is opened afterwards may have become a link in between. So the folders
-on the way are opened one in the other, none of them through a link, and the file in the last one.
+an Origin or a Sec-Fetch-Site that is not ours. Every request is judged here before any handler sees
+it; what the page makes itself, or a user by typing its address, is let in.
 """
 
 from __future__ import annotations
@@ -190,6 +185,10 @@ CLOEXEC = getattr(os, "O_CLOEXEC", 0)
 
 def open_inside(root: Path, path: Path) -> BufferedReader:
     """Open a regular file in a folder for reading.
+
+    A path that was looked at and is opened afterwards may have become a link in between. So the
+    folders on the way are opened one in the other, none of them through a link, and the file in the
+    last one.
 
     Links that stay inside the folder are followed: they are resolved first, and what comes of it
     is opened without any.

@@ -2,8 +2,6 @@
 
 Panel and Bokeh bring more: `/components/…` imports any module that is installed, `/autoload.js`
 gives a session to any origin. A handler that does not stand in `ROUTES` of `serving` is not there.
-
-How much a message of the browser may hold, counted before anything is unpacked.
 """
 
 from __future__ import annotations

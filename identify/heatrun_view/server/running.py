@@ -1,7 +1,4 @@
-"""The server of the live view: its folder, its address, its jobs, and its end.
-
-The network address of the server: bound once, under the names by which it may be asked for.
-"""
+"""The server of the live view: its address, bound once, its folder, its jobs, and its end."""
 
 from __future__ import annotations
 

@@ -1,13 +1,4 @@
-"""What calibration and discovery have in common on the page: tests by role, a run, its result.
-
-What a tab asks of the page that it stands on: the choices on the left, and its style.
-
-Measured and modelled winding of a test, with the residual below.
-
-The tab that calibrates: parameters, intervals, bands, comparison and sheet.
-
-The tab that discovers: where model and measurement disagree, and what is missing.
-"""
+"""The tabs that calibrate and that discover: tests by role, a run, its result, and its figure."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
-"""The signals of the chosen tests: linked plots, cursors, bands, and what is seen as CSV.
+"""The signals of the chosen tests: linked plots, and what is seen as CSV.
 
-Cutting by mouse: the windows of a test that count, as text for the motor file, and into it.
-
-Prototypes laid over each other on one clock: each test is moved to where its signals fit.
+With them stand the windows of a test that count, cut by mouse and written into the motor file, and
+prototypes laid over each other on one clock, each moved to where its signals fit.
 """
 
 from __future__ import annotations

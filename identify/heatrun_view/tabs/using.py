@@ -1,9 +1,4 @@
-"""The tab that puts a run to use: simulated along the chosen tests, and exported.
-
-The tab that makes reports of the chosen tests by test type.
-
-Files that are dropped on the page.
-"""
+"""The tabs that put a run to use and make reports by test type, and files dropped on the page."""
 
 from __future__ import annotations
 

@@ -1,9 +1,7 @@
 """How a text table is laid out: delimiter, decimal sign, preamble, header, units.
 
-The numbers decide: that delimiter and decimal sign are taken under which most cells of the body
-are numbers. Lines above the header are kept as preamble.
-
-Which line of a text table holds the names of the columns, and which ones units above it.
+The numbers decide: that delimiter and decimal sign are taken under which most cells of the body are
+numbers. Lines above the header are kept as preamble. The rows of names and of units come first.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Reader of CSV and other text tables, whatever delimiter, decimal sign and encoding they have.
 
-Lines of a table that hold no sample: where time is counted by lines, they count.
+Lines that hold no sample count where time is counted by lines.
 """
 
 from __future__ import annotations

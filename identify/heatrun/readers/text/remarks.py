@@ -1,4 +1,4 @@
-"""Units in the comment lines of a text table: "# P in kW", "# units: s, A, kW".
+"""Units in comment lines of a text table, "# P in kW", "# units: s, A, kW", and in rows of units.
 
 A line is read as one of these, where NAME is the name of a column and UNIT a unit that is known:
 
@@ -13,8 +13,6 @@ A line is read as one of these, where NAME is the name of a column and UNIT a un
 A unit behind anything else is about none of the columns for sure. It matters only where a column
 of its quantity has no unit and would be read in another one; then it is a question. Lines with a
 number, as in "Rated power [kW]; 50", are no statements about columns.
-
-Rows of units below or above the names of a text table, and which row holds the names.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
-"""From the cells of one text column to float64, and a finding for each cell that is no number.
+"""Cells of a text table: what is a number, a time, a text or nothing, and a column as float64.
 
-Numbers of a text table by their decimal sign, and whether the file settles which it is.
-
-The cells of a line of a text table: what is a number, a time, a text or nothing.
+Which decimal sign numbers have is judged with them, and whether the file settles it.
 """
 
 from __future__ import annotations
