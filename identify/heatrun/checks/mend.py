@@ -13,7 +13,7 @@ import numpy as np
 from ..record.derive import recorded_shaft_power
 from ..record.motor import Motor
 from ..record.record import Finding, Record
-from ..record.stretch import bridge, mask, windows
+from ..record.stretch import bridge, mask, windows, within
 from .load_spike import spike_windows
 from .which_unit import read_otherwise
 
@@ -25,7 +25,10 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
     """Return record and motor as they would be without a fault; as they are where none is known."""
     if finding.id == "sensors_differ" and "factor" in finding.values:
         channel = finding.where.rpartition(", ")[2]
-        values = np.asarray(record[channel], dtype=float) * (finding.values["factor"] or 1.0)
+        values = np.array(record[channel], dtype=float)
+        from_s, to_s = finding.values.get("from_s"), finding.values.get("to_s")
+        span = (-np.inf if from_s is None else from_s, np.inf if to_s is None else to_s)
+        values[within(record.time_s, [span])] *= finding.values["factor"] or 1.0
         return replace(record, channels={**record.channels, channel: values}), motor
     if finding.id == "losses_of_shaft":
         rest = {name: column for name, column in record.channels.items() if name != "losses_W"}
