@@ -14,7 +14,9 @@ import numpy as np
 from ..record.balance_errors import shaft_power_disagrees
 from ..record.motor import Motor
 from ..record.record import Finding, Record
+from ..record.samples import sink_channel
 from .absurd import losses_absurd
+from .advice import in_one_line
 from .course import (
     ambient_moving,
     cut_while_warm,
@@ -28,7 +30,7 @@ from .frozen import saturation, sensor_stuck
 from .heat import losses_absent, losses_of_dc_link
 from .load_spike import load_spike
 from .losses import current_amplitude, losses_below_copper, losses_negative, losses_of_shaft
-from .mend import mended
+from .mend import OF_THE_READING, mended
 from .presence import missing_channel, nan_block, too_few_samples
 from .same_quantity import columns_disagree
 from .sensor import sensor_detached, temperature_jump
@@ -36,6 +38,7 @@ from .standstill import current_scale_unchecked, resistance_coefficient, standst
 from .suitability import simulated_by_heatrun
 from .time_axis import (
     is_sorted_otherwise,
+    is_told_by_clock,
     sampling,
     time_backwards,
     time_duplicate,
@@ -122,14 +125,19 @@ def check_record(record: Record, motor: Motor) -> tuple[Finding, ...]:
     checks = CHECKS if "time_s" in record and len(shapes) == 1 else (missing_channel,)
     if checks is CHECKS and is_sorted_otherwise(record):
         checks = (missing_channel, time_backwards)  # all others follow from it
-    findings = list(record.findings)
+    findings, name = list(record.findings), record.name
     # Overflow of absurd values yields inf or NaN, and comparisons with those say no.
     with np.errstate(all="ignore"):
+        falls = time_backwards(record, motor) if checks is CHECKS else ()
+        row = next((one.values.get("sample") for one in falls), None)
+        findings = [one for one in findings if not is_told_by_clock(one, record, int(row or 0))]
         for finding in record.findings:
             record, motor = mended(record, motor, finding)
         for check in checks:
             errors = {one.id for one in findings if one.severity == "error"}
             if errors and check in OF_THE_COURSE:
+                continue
+            if check is ambient_moving and any(_is_of_sink(one, motor) for one in findings):
                 continue
             if (
                 errors & {"unit_suspected", "losses_of_shaft", "units_temperature"}
@@ -146,8 +154,14 @@ def check_record(record: Record, motor: Motor) -> tuple[Finding, ...]:
             for finding in found:
                 record, motor = mended(record, motor, finding)
     return tuple(
-        finding if finding.test else replace(finding, test=record.name) for finding in findings
+        finding if finding.test else replace(finding, test=name)
+        for finding in in_one_line(findings)
     )
+
+
+def _is_of_sink(finding: Finding, motor: Motor) -> bool:
+    """Return whether a finding is a fault of the sensor in the sink: it moves what it reads."""
+    return finding.id in OF_THE_READING and sink_channel(motor) in finding.where
 
 
 def _of_the_sensor(record: Record, motor: Motor) -> tuple[list[Finding], Record]:
@@ -158,7 +172,10 @@ def _of_the_sensor(record: Record, motor: Motor) -> tuple[list[Finding], Record]
         found = [one for one in found if not _is_below_a_top(one, told)]
         errors = [one for one in found if mended(record, motor, one)[0] is not record]
         if not errors:
-            return [*told, *found], record
+            # of another temperature the first fault alone: it takes the others with it
+            others = {one.where.split(", ")[-2]: one for one in reversed(found)}
+            told += [one for one in found if "winding_degC" in one.where]
+            return told + [one for name, one in others.items() if name != "winding_degC"], record
         first = min(errors, key=lambda one: one.values.get("from_s") or 0.0)
         told.append(first)
         record, _ = mended(record, motor, first)

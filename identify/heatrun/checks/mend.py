@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..record.derive import recorded_shaft_power
+from ..record.derive import RAD_PER_S_PER_RPM, recorded_shaft_power
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.stretch import bridge, mask, windows, within
@@ -36,6 +36,14 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
         if shaft is not None and not finding.values["is_output"]:
             rest["losses_W"] = record["losses_W"] - np.abs(shaft)
         return replace(record, channels=rest), motor
+    if finding.id == "shaft_power_disagrees":
+        shaft = recorded_shaft_power(record.channels)
+        terms = {"shaft_power_offset": 1.0, "shaft_power_gain": shaft}
+        terms["torque_offset"] = RAD_PER_S_PER_RPM * np.asarray(record["speed_rpm"])
+        found = finding.values
+        told = (term * found[name] for name, term in terms.items() if name in found)
+        losses = record["losses_W"] - sum(told)
+        return replace(record, channels={**record.channels, "losses_W": losses}), motor
     if finding.id == "resistance_coefficient":
         B = finding.values["coefficient_degC"] or motor.resistance_coefficient_degC
         return record, replace(motor, resistance_coefficient_degC=B)
@@ -43,9 +51,10 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
         return record, motor
     if finding.id == "time_backwards" and "sample" in finding.values:
         size = int(finding.values["sample"] or 0)
-        return replace(
-            record, channels={name: column[:size] for name, column in record.channels.items()}
-        ), motor
+        # as its first part would be read: what is advised goes into the line that parts the test
+        first = {name: column[:size] for name, column in record.channels.items()}
+        part_of, row = record.part_of or record.name, record.first_row or 1
+        return replace(record, channels=first, part_of=part_of, first_row=row), motor
     if finding.id == "unit_suspected":
         return read_otherwise(record, motor, finding)
     if finding.id == "load_spike":
