@@ -14,7 +14,6 @@ import numpy as np
 from ..record.balance_errors import shaft_power_disagrees
 from ..record.motor import Motor
 from ..record.record import Finding, Record
-from ..record.samples import sink_channel
 from .absurd import losses_absurd
 from .advice import in_one_line
 from .course import (
@@ -30,7 +29,7 @@ from .frozen import saturation, sensor_stuck
 from .heat import losses_absent, losses_of_dc_link
 from .load_spike import load_spike
 from .losses import current_amplitude, losses_below_copper, losses_negative, losses_of_shaft
-from .mend import OF_THE_READING, mended
+from .mend import mended
 from .presence import missing_channel, nan_block, too_few_samples
 from .same_quantity import columns_disagree
 from .sensor import sensor_detached, temperature_jump
@@ -137,8 +136,6 @@ def check_record(record: Record, motor: Motor) -> tuple[Finding, ...]:
             errors = {one.id for one in findings if one.severity == "error"}
             if errors and check in OF_THE_COURSE:
                 continue
-            if check is ambient_moving and any(_is_of_sink(one, motor) for one in findings):
-                continue
             if (
                 errors & {"unit_suspected", "losses_of_shaft", "units_temperature"}
                 and check in OF_THE_BALANCE
@@ -159,11 +156,6 @@ def check_record(record: Record, motor: Motor) -> tuple[Finding, ...]:
     )
 
 
-def _is_of_sink(finding: Finding, motor: Motor) -> bool:
-    """Return whether a finding is a fault of the sensor in the sink: it moves what it reads."""
-    return finding.id in OF_THE_READING and sink_channel(motor) in finding.where
-
-
 def _of_the_sensor(record: Record, motor: Motor) -> tuple[list[Finding], Record]:
     """Return the findings on the winding's reading in the order of time, and the record without."""
     told: list[Finding] = []
@@ -172,11 +164,12 @@ def _of_the_sensor(record: Record, motor: Motor) -> tuple[list[Finding], Record]
         found = [one for one in found if not _is_below_a_top(one, told)]
         errors = [one for one in found if mended(record, motor, one)[0] is not record]
         if not errors:
-            # of another temperature the first fault alone: it takes the others with it
-            others = {one.where.split(", ")[-2]: one for one in reversed(found)}
-            told += [one for one in found if "winding_degC" in one.where]
-            return told + [one for name, one in others.items() if name != "winding_degC"], record
-        first = min(errors, key=lambda one: one.values.get("from_s") or 0.0)
+            return [*told, *found], record
+        # a housing that is off makes a fault of the winding, and no winding one of the housing
+        first = min(
+            errors,
+            key=lambda one: ("winding_degC" in one.where, one.values.get("from_s") or 0.0),
+        )
         told.append(first)
         record, _ = mended(record, motor, first)
     return told, record

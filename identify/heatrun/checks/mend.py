@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..record.channels import BODIES
 from ..record.derive import RAD_PER_S_PER_RPM, recorded_shaft_power
 from ..record.motor import Motor
 from ..record.record import Finding, Record
@@ -19,6 +20,9 @@ from .which_unit import read_otherwise
 
 OF_THE_READING = ("sensor_detached", "temperature_jump", "sensor_stuck")
 """Findings after which the winding's readings are left out while they last."""
+
+SHOWN = 20
+"""Samples that show what a sink was before its sensor failed [1]."""
 
 
 def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Motor]:
@@ -47,6 +51,8 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
     if finding.id == "resistance_coefficient":
         B = finding.values["coefficient_degC"] or motor.resistance_coefficient_degC
         return record, replace(motor, resistance_coefficient_degC=B)
+    if finding.id in OF_THE_READING and "winding_degC" not in finding.where:
+        return _without(record, finding), motor
     if finding.severity != "error":
         return record, motor
     if finding.id == "time_backwards" and "sample" in finding.values:
@@ -69,3 +75,16 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
         if begin is not None and until is not None:
             return mask(record, [*record.masks, (begin, until)], ""), motor
     return record, motor
+
+
+def _without(record: Record, finding: Finding) -> Record:
+    """Return a record without a body that is off, or with a sink that stays as it was before."""
+    channel = finding.where.split(", ")[-2]
+    if finding.values.get("num_lasting") == 0.0:
+        return record
+    rest = {name: column for name, column in record.channels.items() if name != channel}
+    if channel not in BODIES:
+        sink, before = record[channel], record.time_s <= (finding.values["from_s"] or 0.0)
+        known = sink[before & np.isfinite(sink)]
+        rest[channel] = np.where(before, sink, np.median(known[-SHOWN:]) if known.size else np.nan)
+    return replace(record, channels=rest)
