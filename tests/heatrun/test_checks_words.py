@@ -17,6 +17,7 @@ from heat_runs import (
     as_columns,
     changed,
     decided,
+    edited,
     every,
     fell_off,
     heat_run,
@@ -139,6 +140,111 @@ def test_three_faults_are_three_findings():
         ) if one.severity != "note"
     ]  # fmt: skip
     assert [one.id for one in found] == ["time_backwards", "unit_suspected", "sensor_detached"]
+
+
+LINE = re.compile(r"(\[tests\.run\]) ((use|use_rows|mask|bridge) = .*?) in the motor file")
+
+
+def as_advised(record: Record) -> tuple[Record, ...]:
+    """The record with all that is advised for it in its motor file, word for word."""
+    lines = {line.groups()[:2] for one in check_record(record, MOTOR)
+             for line in LINE.finditer(one.remedy)}  # fmt: skip
+    text = "\n".join(["[tests.run]", *(line for _, line in sorted(lines))])
+    said = parse_motor(f'[motor]\nname = "M"\n{text}\n'.encode(), "motor.toml")
+    return parts_of(record, replace(MOTOR, tests=said.tests))
+
+
+def test_what_several_findings_advise_is_one_line():
+    record = fell_off(SLOW, 900.0)
+    time_s, first = record.time_s.copy(), int(np.searchsorted(record.time_s, 1800.0))
+    winding = np.where(time_s < 1800.0, record["winding_degC"], SLOW["winding_degC"])
+    time_s[first:] -= 1700.0
+    record = changed(record, time_s=time_s, winding_degC=winding)
+    assert errors(record) == ["time_backwards", "sensor_detached"]
+    parts = as_advised(record)
+    assert [part.first_row for part in parts] == [1, first + 1]
+    assert parts[0].time_s[-1] == pytest.approx(900.0, abs=5.0)
+    assert not [one for part in parts for one in errors(part)]
+
+
+def test_a_sensor_that_sticks_and_falls_is_left_out_by_one_line():
+    held = edited(SLOW, "winding_degC", 700.0, 1100.0, 45.0)
+    winding = np.where(SLOW.time_s < 2000.0, held["winding_degC"], 850.0)
+    winding[SLOW.time_s > 2100.0] = SLOW["winding_degC"][SLOW.time_s > 2100.0]
+    record = changed(SLOW, winding_degC=winding)
+    assert len(errors(record)) == 2
+    (part,) = as_advised(record)
+    assert errors(part) == []
+
+
+def test_a_logger_that_starts_again_at_zero_has_one_cause():
+    first = int(np.searchsorted(SLOW.time_s, 1800.0))
+    time_s = np.where(SLOW.time_s < 1800.0, SLOW.time_s, SLOW.time_s - 1800.0)
+    again = Finding("logger_restarted", "warning", "Again.", values={
+        "count": 1, "first_sample": first})  # fmt: skip
+    record = replace(changed(SLOW, time_s=time_s), findings=(again,))
+    told = {one.id: one for one in check_record(record, MOTOR)}
+    assert "logger_restarted" not in told
+    assert "the logger was started again" in told["time_backwards"].message
+    parts = as_advised(record)
+    assert len(parts) == 2
+    assert not [one for part in parts for one in check_record(part, MOTOR) if one.id in
+                ("logger_restarted", "time_backwards")]  # fmt: skip
+    later = replace(SLOW, findings=(again,))
+    assert named(check_record(later, MOTOR), "logger_restarted")
+
+
+def test_a_sensor_that_is_off_for_a_while_costs_that_while():
+    off = (SLOW.time_s > 1500.0) & (SLOW.time_s < 1800.0)
+    record = changed(SLOW, winding_degC=np.where(off, 25.0, SLOW["winding_degC"]))
+    (part,) = as_advised(record)
+    assert part.time_s.size == SLOW.time_s.size
+    assert np.sum(np.isnan(part["winding_degC"])) == pytest.approx(np.sum(off), abs=3)
+    assert errors(part) == []
+
+
+LIVE = (
+    SLOW["winding_degC"] - 8.0 + 0.05 * np.random.default_rng(7).standard_normal(SLOW.time_s.size)
+)
+BESIDE = {
+    "comes off": ("temperature_jump", lambda s, T: np.where(s < 1500.0, T, 22.0)),
+    "sticks": ("sensor_stuck", lambda s, T: np.where(s < 3000.0, T, T[s >= 3000.0][0])),
+    "opens": ("sensor_detached", lambda s, T: np.where((s < 1500.0) | (s > 1520.0), T, 850.0)),
+}
+
+
+@pytest.mark.parametrize("name", BESIDE)
+def test_a_housing_that_is_off_is_told_once_and_the_test_goes_on_without(name):
+    id, struck = BESIDE[name]
+    record = changed(SLOW, housing_degC=struck(SLOW.time_s, LIVE))
+    (finding,) = [one for one in check_record(record, MOTOR) if one.severity != "note"]
+    assert finding.id == id
+    assert "housing_degC" in finding.where
+    assert 'housing_degC = "none" under [columns]' in finding.remedy
+    assert not [one for one in check_record(changed(SLOW, housing_degC=LIVE), MOTOR)
+                if one.severity != "note"]  # fmt: skip
+
+
+def test_a_sink_that_jumps_is_not_told_to_move_too():
+    fallen = np.where(SLOW.time_s < 1500.0, SLOW["ambient_degC"], 5.0)
+    told = [one.id for one in check_record(changed(SLOW, ambient_degC=fallen), MOTOR)
+            if one.severity != "note"]  # fmt: skip
+    assert told == ["temperature_jump"]
+
+
+def test_an_offset_of_the_torque_is_not_told_as_a_warm_start():
+    """The offset, times speed, takes the losses below nothing from the first load on."""
+    rest = SLOW.time_s < 120.0
+    speed = np.where(rest, 0.0, SLOW["speed_rpm"])
+    offset_Nm = 4.0
+    record = changed(
+        SLOW, speed_rpm=speed, torque_Nm=np.where(rest, 0.0, 40.0) + offset_Nm,
+        phase_current_A=np.where(rest, 0.0, SLOW["phase_current_A"]),
+        losses_W=np.where(rest, 0.0, SLOW["losses_W"]) - offset_Nm * speed * np.pi / 30.0,
+    )  # fmt: skip
+    told = {one.id for one in check_record(record, MOTOR)}
+    assert "shaft_power_disagrees" in told
+    assert "start_not_in_equilibrium" not in told
 
 
 def test_a_part_in_rows_is_cut_in_rows():

@@ -10,6 +10,7 @@ import pytest
 from drafted import BEARING, CURRENT, HOUSING, LOSSES, ROOM, TIME_S, WINDING, named, text_of
 
 from heatrun import cli
+from heatrun.checks.mend import mended
 from heatrun.errors import InputError
 from heatrun.fit.fit import fit
 from heatrun.fit.restricted import estimate_loggers
@@ -21,6 +22,7 @@ from heatrun.motor.file import load_motor, parse_motor
 from heatrun.posterior.posterior import weighted_draws
 from heatrun.posterior.predict import predict
 from heatrun.readers.joined import read_test
+from heatrun.record.motor import Motor
 from heatrun.record.reduction import reduce
 from heatrun.runs.motor_text import motor_text
 
@@ -255,6 +257,33 @@ def test_a_phase_that_reads_wrongly_is_no_part_of_a_mean(
     assert f"'I_W' reads {says}" in finding.message
     assert share_of_heat in finding.message
     assert 'phase_current_A = "mean(I_U, I_V)"' in finding.remedy
+
+
+LASTING = np.where(SECONDS > 100, 12.0, 0.0)
+
+
+@pytest.mark.parametrize("others", [("I_U", "I_W"), ("I_U",)])
+@pytest.mark.parametrize(("from_s", "to_s"), [(450, 2000), (860, 2000), (400, 700)])
+def test_the_moment_is_named_at_which_a_clamp_dies(tmp_path, others, from_s, to_s):
+    dead = (from_s <= SECONDS) & (to_s >= SECONDS)
+    columns = {name: LASTING for name in others} | {"I_V": np.where(dead, 0.01, LASTING)}
+    line = f'phase_current_A = "mean({", ".join(columns)}) [A]"\nwinding_degC = "T [degC]"'
+    record = read(tmp_path, columns | {"T": U}, line)
+    (finding,) = [one for one in record.findings if one.id == "sensors_differ"]
+    until = "on" if to_s > SECONDS[-1] else f"until {to_s} s"
+    assert f"'I_V' reads nothing from {from_s} s {until}" in finding.message
+    whole = f"mean({', '.join(others)})" if len(others) > 1 else others[0]
+    assert f'phase_current_A = "{whole}"' in finding.remedy
+    mean = mended(record, Motor("M"), finding)[0]["phase_current_A"]
+    np.testing.assert_allclose(mean[SECONDS > 100], 12.0, rtol=1e-3)
+
+
+def test_a_passing_unbalance_and_offsets_of_clamps_are_none_of_a_phase(tmp_path):
+    start = np.where((SECONDS > 100) & (SECONDS < 110), 0.6, 1.0) * LASTING
+    low = np.where(SECONDS > 500, 0.25, 1.0)
+    columns = {"I_U": LASTING * low, "I_V": start * low, "I_W": (LASTING * low + 0.6)}
+    line = 'phase_current_A = "mean(I_U, I_V, I_W) [A]"\nwinding_degC = "T [degC]"'
+    assert read(tmp_path, columns | {"T": U}, line).findings == ()
 
 
 def test_phases_that_differ_as_phases_do_are_no_finding(tmp_path):

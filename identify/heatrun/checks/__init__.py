@@ -15,6 +15,7 @@ from ..record.balance_errors import shaft_power_disagrees
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 from .absurd import losses_absurd
+from .advice import in_one_line
 from .course import (
     ambient_moving,
     cut_while_warm,
@@ -36,6 +37,7 @@ from .standstill import current_scale_unchecked, resistance_coefficient, standst
 from .suitability import simulated_by_heatrun
 from .time_axis import (
     is_sorted_otherwise,
+    is_told_by_clock,
     sampling,
     time_backwards,
     time_duplicate,
@@ -122,9 +124,12 @@ def check_record(record: Record, motor: Motor) -> tuple[Finding, ...]:
     checks = CHECKS if "time_s" in record and len(shapes) == 1 else (missing_channel,)
     if checks is CHECKS and is_sorted_otherwise(record):
         checks = (missing_channel, time_backwards)  # all others follow from it
-    findings = list(record.findings)
+    findings, name = list(record.findings), record.name
     # Overflow of absurd values yields inf or NaN, and comparisons with those say no.
     with np.errstate(all="ignore"):
+        falls = time_backwards(record, motor) if checks is CHECKS else ()
+        row = next((one.values.get("sample") for one in falls), None)
+        findings = [one for one in findings if not is_told_by_clock(one, record, int(row or 0))]
         for finding in record.findings:
             record, motor = mended(record, motor, finding)
         for check in checks:
@@ -146,7 +151,8 @@ def check_record(record: Record, motor: Motor) -> tuple[Finding, ...]:
             for finding in found:
                 record, motor = mended(record, motor, finding)
     return tuple(
-        finding if finding.test else replace(finding, test=record.name) for finding in findings
+        finding if finding.test else replace(finding, test=name)
+        for finding in in_one_line(findings)
     )
 
 
@@ -159,7 +165,11 @@ def _of_the_sensor(record: Record, motor: Motor) -> tuple[list[Finding], Record]
         errors = [one for one in found if mended(record, motor, one)[0] is not record]
         if not errors:
             return [*told, *found], record
-        first = min(errors, key=lambda one: one.values.get("from_s") or 0.0)
+        # a housing that is off makes a fault of the winding, and no winding one of the housing
+        first = min(
+            errors,
+            key=lambda one: ("winding_degC" in one.where, one.values.get("from_s") or 0.0),
+        )
         told.append(first)
         record, _ = mended(record, motor, first)
     return told, record

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ..io.toml_text import table_header
-from ..record.record import Record
+from ..record.record import Finding, Record
 from ..record.stretch import windows as stretches
 
 MOST_WINDOWS = 8
@@ -69,3 +72,49 @@ def windows_text(windows: Sequence[tuple[float, float]]) -> str:
         for low, high in tenths
     )
     return f"[{pairs}]"
+
+
+LINE = re.compile(
+    r"(?P<key>\[tests\.(?:\"[^\"]*\"|[^\]]*)\] (?:use|use_rows|mask|bridge)) = "
+    r"\[(?P<windows>\[[0-9., \[\]]+\])(?P<open>, …)?\] in the motor file(?: \(… the other parts\))?"
+)
+"""A line that a finding advises."""
+
+Windows = list[tuple[str, str]]
+
+
+def in_one_line(findings: Iterable[Finding]) -> list[Finding]:
+    """Return findings of which those that advise one key of a section advise one line for all.
+
+    A key stands once in its section: parts that are used are what all leave of them, readings that
+    are left out those of all.
+    """
+    findings = list(findings)
+    advised: dict[str, tuple[Windows, bool]] = {}
+    for line in itertools.chain(*(LINE.finditer(one.remedy) for one in findings)):
+        new = re.findall(r"\[([0-9.]+), ([0-9.]+)\]", line["windows"]), bool(line["open"])
+        old = advised.get(line["key"])
+        advised[line["key"]] = _both(line["key"], old, new) if old else new
+
+    def written(line: re.Match[str]) -> str:
+        windows, is_open = advised[line["key"]]
+        pairs = [f"[{low}, {high}]" for low, high in windows] + ["…"] * is_open
+        others = " (… the other parts)" if is_open else ""
+        return f"{line['key']} = [{', '.join(pairs)}] in the motor file{others}"
+
+    return [replace(one, remedy=LINE.sub(written, one.remedy)) for one in findings]
+
+
+def _both(key: str, one: tuple[Windows, bool], other: tuple[Windows, bool]) -> tuple[Windows, bool]:
+    """Return the windows, as they are written, that two lines make together."""
+    if not key.rpartition(" ")[2].startswith("use"):
+        windows = sorted({*one[0], *other[0]}, key=lambda window: float(window[0]))
+        return windows, False
+    kept: Windows = []
+    for (mine, _), (theirs, is_open) in ((one, other), (other, one)):
+        for low, high in mine:
+            ends = [(max(low, a, key=float), min(high, b, key=float)) for a, b in theirs]
+            met = [(a, b) for a, b in ends if float(a) <= float(b)]
+            # what stands for all other parts leaves them as they are
+            kept += met or [(low, high)] * is_open
+    return sorted(set(kept), key=lambda window: float(window[0])), one[1] and other[1]

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..record.channels import BODIES
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.rounding import rounding_step
@@ -163,8 +164,10 @@ def sensor_stuck(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report a winding temperature that stands still though heat flows.
 
     An error if more than 2 K of movement are missing, or the stretch is as long as a gap that is an
-    error; otherwise a warning.
+    error; otherwise a warning. Of another temperature a warning where its last digit flickers
+    elsewhere.
     """
+    yield from _stuck_beside(record)
     time_s, winding = samples(record, "winding_degC")
     if time_s.size > 2 and np.ptp(winding) == 0.0:
         yield Finding(
@@ -204,6 +207,32 @@ def sensor_stuck(record: Record, motor: Motor) -> Iterator[Finding]:
                 "expected_K": stretch.expected_K,
             },
         )
+
+
+def _stuck_beside(record: Record) -> Iterator[Finding]:
+    """Yield the longest stretch in which a temperature beside the winding's stands still."""
+    for channel in (*BODIES, "ambient_degC", "coolant_degC"):
+        time_s, values = samples(record, channel)
+        first, past = runs(np.diff(values) == 0.0)
+        if first.size == 0 or np.ptp(values) == 0.0:
+            continue
+        longest = int(np.argmax(past - first))
+        a, b = int(first[longest]), int(past[longest])
+        elsewhere = np.delete(np.diff(values), slice(a, b))
+        is_live = elsewhere.size > b - a and float(np.mean(elsewhere != 0.0)) >= LIVE_SHARE
+        if b - a < LIVE_SAMPLES or time_s[b] - time_s[a] < MIN_STRETCH_S or not is_live:
+            continue
+        without = f' To do without it: {channel} = "none" under [columns].'
+        yield Finding(
+            "sensor_stuck",
+            "warning",
+            f"The reading is frozen at {values[a]:.2f} °C for {time_s[b] - time_s[a]:.0f} s, but "
+            "its last digit changes elsewhere in the test.",
+            place(record, channel, float(time_s[a]), float(time_s[b])),
+            f"Check the sensor.{without if channel in BODIES else ''}",
+            values={"reading_degC": float(values[a]), "from_s": float(time_s[a]),
+                    "to_s": float(time_s[b])},
+        )  # fmt: skip
 
 
 def _flat_top(values: np.ndarray, extreme: float) -> np.ndarray:

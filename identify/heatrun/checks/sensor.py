@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ..record.channels import BODIES
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.rounding import rounding_step
@@ -37,6 +38,12 @@ CODE_TOLERANCE_K = 0.5
 CODE_LEAP_K = 20.0
 """A value that equals a code is one only where the reading leaps to it or away from it: a winding
 may pass 255 degC, and a climate chamber may stand at -40."""
+
+OTHERS = (*BODIES, "ambient_degC", "coolant_degC")
+"""Temperatures beside that of the winding."""
+
+BACK_SHARE = 0.5
+"""Share of a jump [1] by which a later one is its return: meanwhile the winding has moved."""
 
 PLAUSIBLE_DEGC = (-60.0, 350.0)
 """Colder than any test chamber; hotter than any enamel endures (class C ends near 240 degC)."""
@@ -111,7 +118,7 @@ def jumps_at_once(record: Record, motor: Motor) -> Iterator[Finding]:
     noise. A spike is a warning; a shift of the winding temperature that stays is an error, since a
     fit would explain it by heat.
     """
-    for channel in ("winding_degC", "stator_degC", "ambient_degC", "coolant_degC"):
+    for channel in ("winding_degC", *OTHERS):
         time_s, temperature = samples(record, channel)
         if time_s.size < 3:
             continue
@@ -132,6 +139,16 @@ def jumps_at_once(record: Record, motor: Motor) -> Iterator[Finding]:
         is_error = channel == "winding_degC" and bool(lasting.any())
         worst = int(jumps[np.argmax(np.abs(np.diff(temperature))[jumps])])
         change = float(temperature[worst + 1] - temperature[worst])
+        step, away = time_s[worst : worst + 2], np.diff(temperature)[jumps[lasting]]
+        is_back = away.size > 1 and -np.sign(away[0]) * away[-1] > BACK_SHARE * abs(away[0])
+        if is_back:
+            first, last = jumps[lasting][[0, -1]]
+            span = (float(time_s[first + 1]), float(time_s[last]))
+            remedy = _left_out(record, channel, span)
+            until = {"until_s": span[1]}
+        else:
+            span, until = (float(time_s[worst]), 0.0), {}
+            remedy = _without_jump(record, channel, float(time_s[worst]), bool(lasting.any()))
         limit = float(limits[worst])
         yield Finding(
             "temperature_jump",
@@ -139,28 +156,33 @@ def jumps_at_once(record: Record, motor: Motor) -> Iterator[Finding]:
             f"Expected changes within {limit:.2f} K in {steps[worst]:.3g} s; the largest is "
             f"{change:+.1f} K ({jumps.size} such jumps, {int(lasting.sum())} of them lasting). "
             "No temperature of a machine jumps; the fit would follow the fault.",
-            place(record, channel, float(time_s[worst]), float(time_s[worst + 1])),
-            "Check the sensor for a loose contact or interference."
-            + _without_jump(record, channel, float(time_s[worst]), bool(lasting.any())),
+            place(record, channel, *(span if is_back else map(float, step))),
+            "Check the sensor for a loose contact or interference." + remedy,
             values={
                 "num_jumps": float(jumps.size),
                 "num_lasting": float(lasting.sum()),
                 "largest_K": change,
                 "limit_K": limit,
-                "from_s": float(time_s[worst]),
+                "from_s": span[0],
+                **until,
             },
         )
 
 
+def _left_out(record: Record, channel: str, *spans: tuple[float, float]) -> str:
+    """Return what to write to do without readings; of the sink, which no fit does without, none."""
+    if channel == "winding_degC":
+        return f" To leave its readings out: {mask_line(record, spans)}."
+    return f' To do without it: {channel} = "none" under [columns].' if channel in BODIES else ""
+
+
 def _without_jump(record: Record, channel: str, at_s: float, is_lasting: bool) -> str:
-    """Return what to write to use a test without a jump; nothing for a channel of the inputs."""
+    """Return what to write to use a test without a jump; nothing for a spike of the sink."""
     time_s = samples(record, channel)[0]
-    if is_lasting and at_s > time_s[0]:
+    if channel not in BODIES and is_lasting and at_s > time_s[0]:
         return f" To use the test up to it: {use_line(record, (float(time_s[0]), at_s))}."
-    if channel != "winding_degC":
-        return ""
     past = float(time_s[min(np.searchsorted(time_s, at_s) + SPIKE_SAMPLES, time_s.size - 1)])
-    return f" To leave its readings out: {mask_line(record, [(at_s, past)])}."
+    return _left_out(record, channel, (at_s, past))
 
 
 def _open_circuit(temperature: np.ndarray) -> np.ndarray:
@@ -188,28 +210,29 @@ def _falls(time_s: np.ndarray, temperature: np.ndarray, sink: np.ndarray) -> np.
 
 
 def sensor_detached(record: Record, motor: Motor) -> Iterator[Finding]:
-    """Report open-circuit readings, and a reading that leaves the winding for the air.
+    """Report open-circuit readings of any temperature, and one that leaves the winding for the air.
 
     Fault codes such as 850, 1372, 32767 or -327.68 are told by value and by the leap to them. A
     sensor that has come off is told by a fall that the heat in the record does not explain, or by
     a reading below the housing while the winding is heated.
     """
-    time_s, winding = samples(record, "winding_degC")
-    if time_s.size < 3 or _looks_like_kelvin(winding):
-        return
-    is_open = _open_circuit(winding)
-    if is_open.any():
+    for channel in ("winding_degC", *OTHERS):
+        time_s, reading = samples(record, channel)
+        is_open = np.zeros(0, dtype=bool)
+        if time_s.size > 2 and not _looks_like_kelvin(reading):
+            is_open = _open_circuit(reading)
+        if not is_open.any():
+            continue
         spans = windows(time_s, is_open)
-        (from_s, to_s), value = spans[0], float(winding[is_open][0])
+        (from_s, to_s), value = spans[0], float(reading[is_open][0])
         yield Finding(
             "sensor_detached",
-            "error",
-            f"Expected a winding temperature, got {value:.1f} °C, the reading of an open "
+            "error" if channel == "winding_degC" else "warning",
+            f"Expected a temperature, got {value:.1f} °C, the reading of an open "
             f"circuit ({int(is_open.sum())} samples in {len(spans)} stretches). Fitted, they "
             "would bias every parameter.",
-            place(record, "winding_degC", from_s, to_s),
-            "Check the sensor and its line. To leave these readings out: "
-            f"{mask_line(record, spans)}.",
+            place(record, channel, from_s, to_s),
+            "Check the sensor and its line." + _left_out(record, channel, *spans),
             values={
                 "reading_degC": value,
                 "num_samples": float(is_open.sum()),
@@ -217,7 +240,8 @@ def sensor_detached(record: Record, motor: Motor) -> Iterator[Finding]:
                 "to_s": to_s,
             },
         )
-        return
+        if channel == "winding_degC":
+            return
     fallen = _fallen(record, motor)
     if fallen is not None:
         yield fallen
@@ -248,7 +272,7 @@ def _fallen(record: Record, motor: Motor) -> Finding | None:
     if time_s.size < 3:
         return None
     room = BELOW_HOUSING_K + (rounding_step(winding) or 0.0)
-    first, past = runs(winding < housing - room)
+    first, past = runs((winding < housing - room) & ~_open_circuit(housing))
     heated_s = np.cumsum(np.append(0.0, np.diff(time_s)) * is_loaded(losses))
     lasting = np.flatnonzero(heated_s[past - 1] - heated_s[first] >= BELOW_HOUSING_S)
     if lasting.size == 0:

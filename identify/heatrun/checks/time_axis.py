@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 
 import numpy as np
@@ -59,16 +60,23 @@ def time_backwards(record: Record, motor: Motor) -> Iterator[Finding]:
     first = int(back[0])
     measured = np.flatnonzero(is_measured(np.asarray(record.time_s, dtype=float)))
     row, rows = int(measured[first]) + 1, len(record.time_s)
+    is_again = any(is_told_by_clock(one, record, row) for one in record.findings)
+    again = " The header stands there again: the logger was started again." if is_again else ""
+    ends = [0, *(int(measured[each]) + 1 for each in back), rows]
+    parts = ", ".join(f"[{a + 1}, {b}]" for a, b in itertools.pairwise(ends))
     yield Finding(
         "time_backwards",
         "error",
         f"Expected increasing time; at sample {first + 1} it falls from {time_s[first]:.3f} s "
         f"to {time_s[first + 1]:.3f} s ({back.size} such steps): the order of the samples is "
-        "not known.",
+        f"not known.{again}",
         place(record, "time_s", float(time_s[first])),
-        f"Check whether the clock was set, or the file holds two tests. If so, split it: "
-        f"{section_of(record)} use_rows = [[1, {row}], [{row + 1}, {rows}]] in the "
-        "motor file.",
+        (
+            "Read"
+            if is_again
+            else "Check whether the clock was set, or the file holds two tests. If so, read"
+        )
+        + f" the parts as tests: {section_of(record)} use_rows = [{parts}] in the motor file.",
         values={
             "num_steps": float(back.size),
             "sample": float(first + 1),
@@ -76,6 +84,17 @@ def time_backwards(record: Record, motor: Motor) -> Iterator[Finding]:
             "largest_s": float(-steps.min()),
         },
     )
+
+
+def is_told_by_clock(finding: Finding, record: Record, row: int) -> bool:
+    """Return whether a finding is that of a restart behind a row, or behind one that the record
+    does not go beyond: the clock that falls there, or the cut, tells it.
+    """
+    if finding.id != "logger_restarted" or finding.values.get("count") != 1:
+        return False
+    begin, at = record.first_row, finding.values["first_sample"] or 0
+    is_cut = begin > 0 and not begin <= at < begin + len(record.time_s) - 1
+    return is_cut or at == max(begin - 1, 0) + row
 
 
 def is_sorted_otherwise(record: Record) -> bool:

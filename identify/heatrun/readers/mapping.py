@@ -223,6 +223,7 @@ class MappedColumns:
         findings: Doubts about the mapping.
         readings: How each column became its channel.
         parts: Canonical name to the columns that it combines, where it does.
+        read_of: Canonical name to the readings of those, by column, in the canonical unit.
         refused: Name of a column to the reason why it is no channel, whatever it looks like.
         decided: Channels whose unit `[columns]` itself gives.
         absent: Identities of columns whose zeros stand for what was not recorded.
@@ -238,6 +239,7 @@ class MappedColumns:
     findings: list[Finding] = field(default_factory=list)
     readings: list[ColumnReading] = field(default_factory=list)
     parts: dict[str, list[Column]] = field(default_factory=dict)
+    read_of: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
     decided: set[str] = field(default_factory=set)
     absent: set[int] = field(default_factory=set)
@@ -338,9 +340,14 @@ class MappedColumns:
         self.readings.append(ColumnReading(name, text, unit, unit_from, "[columns]", self.where))
         self.notes += [note for one in each for note in one.notes]
         self.findings += [finding for one in each for finding in one.findings]
-        parts = {column.name: part for column, part in zip(columns, values, strict=True)}
-        apart = sensors_differ(name, parts, self.where)
-        self.findings += [apart] if apart else []
+        self.read_of[name] = {
+            column.name: part for column, part in zip(columns, values, strict=True)
+        }
+
+    def sensors_differ(self, time_s: np.ndarray) -> tuple[Finding, ...]:
+        """Return the findings on columns of one channel that differ; times [s] of all rows."""
+        each = (sensors_differ(*one, time_s, self.where) for one in self.read_of.items())
+        return tuple(finding for finding in each if finding is not None)
 
     def used_twice(self) -> list[Finding]:
         """Return a finding for each column that stands for more than one channel.

@@ -179,6 +179,8 @@ def read_record(
                 mapped.notes.append(unused)
     channels = dict(mapped.channels)
     time_s, origin_s, time_notes, missing = _time(mapped, table, rate_Hz, where)
+    is_longer = time_s.size > table.num_rows and table.sample_numbers is not None
+    differ = mapped.sensors_differ(time_s[table.sample_numbers] if is_longer else time_s)
     if time_s.size > table.num_rows and table.sample_numbers is not None:
         channels = with_missing_rows(channels, table.sample_numbers)
     channels = {"time_s": time_s} | {key: channels[key] for key in channels if key != "time_s"}
@@ -190,7 +192,7 @@ def read_record(
     conflict = resistance_conflict(table.constants, motor, where)
     start = day_of(mapped.start)
     headed = HeaderDay() if start else header_day(preamble_of(table.notes))
-    findings = (*table.findings, *missing, *mapped.findings, *conflict)
+    findings = (*table.findings, *missing, *mapped.findings, *differ, *conflict)
     return Record(
         name=test,
         channels=channels,

@@ -8,6 +8,7 @@ several sensors of one channel, and the lines of `[columns]`.
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -329,6 +330,10 @@ UNBALANCE, PHASE_OFF, NOTHING = 0.1, 0.2, 0.02
 """Phases of a balanced machine agree to this share [1]; one that differs by the second is its
 clamp's, its range's or its winding's; one below the third is dead."""
 
+SPAN_SAMPLES, MOST_SPANS, MOSTLY = 10, 48, 0.9
+"""Phases are compared in spans of so many samples under load at least, and so many spans at most;
+one that differs in more than the share of them [1] always did."""
+
 
 def split_parts(text: str) -> list[str]:
     """Return the columns between the brackets; a comma inside brackets separates none."""
@@ -398,18 +403,21 @@ def known_by(sources: Sequence[UnitSource]) -> UnitSource:
     return next((one for one in ("assumed", "name") if one in sources), sources[0])  # type: ignore
 
 
-def sensors_differ(channel: str, parts: Mapping[str, np.ndarray], where: str) -> Finding | None:
+def sensors_differ(
+    channel: str, parts: Mapping[str, np.ndarray], time_s: np.ndarray, where: str
+) -> Finding | None:
     """Return the finding about a sensor that departs from the others, None if none does.
 
     Args:
         channel: A temperature or the phase current.
         parts: Column to readings [degC or A], shape (time,) each.
+        time_s: Their times [s], shape (time,).
         where: The file.
     """
     if len(parts) < 2:
         return None
     if CHANNEL[channel].quantity == "phase current":
-        return _phase_differs(channel, parts, where)
+        return _phase_differs(channel, parts, time_s, where)
     names, stacked = list(parts), np.stack(list(parts.values()))
     stacked = stacked[:, np.all(np.isfinite(stacked), axis=0)]
     if stacked.shape[1] == 0:
@@ -435,28 +443,57 @@ def sensors_differ(channel: str, parts: Mapping[str, np.ndarray], where: str) ->
     )
 
 
-def _phase_differs(channel: str, parts: Mapping[str, np.ndarray], where: str) -> Finding | None:
-    """Return the finding about a phase that reads less or more than the others agree on."""
+def _phase_differs(
+    channel: str, parts: Mapping[str, np.ndarray], time_s: np.ndarray, where: str
+) -> Finding | None:
+    """Return the finding about a phase that reads less or more than the others agree on, from the
+    start or from a moment on.
+    """
     names, stacked = list(parts), np.stack(list(parts.values()))
-    stacked = stacked[:, np.all(np.isfinite(stacked), axis=0)]
+    known = np.all(np.isfinite(stacked), axis=0)
+    time_s, stacked = time_s[known], stacked[:, known]
     level = (
         np.median(np.abs(stacked), axis=0) if len(names) > 2 else np.max(np.abs(stacked), axis=0)
     )
-    flows = level > FLOWS * np.quantile(level, 0.99) if level.size else np.zeros(0, dtype=bool)
+    top = np.quantile(level, 0.99) if level.size else 0.0
+    flows = level > FLOWS * top
     if not flows.any():
         return None
-    # of a few hours at most, so that a passing unbalance of a start is none of the clamp's
-    share = np.median(stacked[:, flows] / level[flows], axis=1)
-    off = np.abs(share - 1.0)
-    worst = int(np.argmax(off))
-    others = np.delete(share, worst)
-    agree = len(names) == 2 or np.ptp(others) < UNBALANCE
-    if off[worst] < PHASE_OFF or not agree:
+    time_s, ratio, level = time_s[flows], stacked[:, flows] / level[flows], level[flows]
+    # below half load an offset of the clamps counts less
+    far = np.abs(ratio - 1.0) * np.minimum(2.0 * level / top, 1.0)
+    num_spans = int(np.clip(level.size // SPAN_SAMPLES, 1, MOST_SPANS))
+    edges = np.linspace(0, level.size, num_spans + 1).astype(int)
+    spans = [slice(a, b) for a, b in itertools.pairwise(edges)]
+    share = np.array([np.median(ratio[:, span], axis=1) for span in spans])
+    away = np.array([np.median(far[:, span], axis=1) for span in spans])
+    worst = int(np.argmax(np.sum(away >= PHASE_OFF, axis=0)))
+    others = np.delete(share, worst, axis=1)
+    is_off = (away[:, worst] >= PHASE_OFF) & (np.argmax(away, axis=1) == worst)
+    is_off &= (len(names) == 2) | (np.ptp(others, axis=1) < UNBALANCE)
+    turns = np.diff(np.concatenate(([False], is_off, [False])).astype(int))
+    first, past = np.flatnonzero(turns == 1), np.flatnonzero(turns == -1)
+    # a passing unbalance is none of the clamp's; what lasts to the end may have just begun
+    lasting = (past - first > 1) | (past == num_spans)
+    if not lasting.any():
         return None
+    begin, end = int(first[lasting][0]), int(past[lasting][-1])
+    is_whole = bool(np.mean(is_off) > MOSTLY)
+    at = edges[max(begin - 1, 0)]
+    fine = np.flatnonzero(far[worst, at : edges[begin + 1]] < PHASE_OFF)
+    at += int(fine[-1]) + 1 if fine.size else 0
+    until = edges[end] - 1
+    if end < num_spans:
+        fine = np.flatnonzero(far[worst, edges[end - 1] : edges[end + 1]] < PHASE_OFF)
+        until = edges[end - 1] + fine[0] - 1 if fine.size else until
+    from_s, to_s = float(time_s[min(at, time_s.size - 1)]), float(time_s[until])
+    share, others = np.median(share[is_off], axis=0), np.median(others[is_off], axis=0)
     got = f"{share[worst]:.3g} of it"
     got = "nothing" if abs(share[worst]) < NOTHING else got
     is_sign = abs(share[worst] + 1.0) < UNBALANCE
     got = "the other sign" if is_sign else got
+    since = f" until {to_s:.0f} s" if end < num_spans else " on"
+    got += "" if is_whole else f" from {from_s:.0f} s{since}"
     whole = float(np.sqrt(np.mean(share**2)))
     factor = 1.0 if is_sign else float(np.sqrt(np.mean(others**2))) / whole
     rest = [name for name in names if name != names[worst]]
@@ -466,6 +503,7 @@ def _phase_differs(channel: str, parts: Mapping[str, np.ndarray], where: str) ->
         if is_sign
         else f"The mean reads {100.0 / factor**2:.0f} % of the copper loss."
     )
+    span = {} if is_whole else {"from_s": from_s, "to_s": to_s}
     return Finding(
         "sensors_differ",
         "warning" if is_sign else "error",
@@ -473,7 +511,7 @@ def _phase_differs(channel: str, parts: Mapping[str, np.ndarray], where: str) ->
         f"where {' and '.join(rest)} {'agree' if len(rest) > 1 else 'carries current'}. {harm}",
         f"{where}, {channel}",
         f'Check its clamp and its setting. To do without it: {channel} = "{line}" under [columns].',
-        values={"share": float(share[worst]), "factor": factor},
+        values={"share": float(share[worst]), "factor": factor, **span},
     )
 
 
