@@ -370,6 +370,11 @@ def record_of(tmp_path, cells, name="t.csv"):
         ([f"03/24/2026 10:00:0{i}" for i in range(5)], "2026-03-24"),
         ([f"4-Mar-2026 10:00:0{i}" for i in range(5)], "2026-03-04"),
         ([f"20260304T10000{i}" for i in range(5)], "2026-03-04"),
+        ([f"20260304 10000{i}" for i in range(5)], "2026-03-04"),
+        ([f"2026-03-04_10-00-0{i}" for i in range(5)], "2026-03-04"),
+        ([f"2026-03-04 10.00.0{i}" for i in range(5)], "2026-03-04"),
+        # of no year
+        ([f"04.03. 10:00:0{i}" for i in range(5)], ""),
         # 4 March or 3 April: the times are the same, the day is not known
         ([f"04/03/2026 10:00:0{i}" for i in range(5)], ""),
         # the same day either way
@@ -383,7 +388,26 @@ def record_of(tmp_path, cells, name="t.csv"):
     ],
 )
 def test_the_day_is_that_of_the_first_time(tmp_path, cells, day):
-    assert record_of(tmp_path, cells).start == day
+    record = record_of(tmp_path, cells)
+    assert record.start == day
+    assert record.time_s.tolist() == [float(i) for i in range(len(cells))]
+
+
+@pytest.mark.parametrize(
+    ("cells", "form"),
+    [
+        ([f"2026-03-04_10-00-0{i}" for i in range(5)], "yyyy-mm-dd_hh-mm-ss"),
+        ([f"04.03. 10:00:0{i}" for i in range(5)], "dd.mm. hh:mm:ss"),
+    ],
+)
+def test_a_date_is_read_by_the_very_format_that_is_stated(tmp_path, cells, form):
+    (tmp_path / "t.csv").write_text(
+        HEAD.replace("time", f"time [{form}]")
+        + "".join(f"{cell},10,100,20,{30 + i}\n" for i, cell in enumerate(cells))
+    )
+    record = read_record(tmp_path / "t.csv")
+    assert record.time_s.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+    assert not any("1904" in note for note in record.notes)
 
 
 def test_a_name_with_a_date_and_the_time_of_the_file_are_no_clock(tmp_path):

@@ -19,7 +19,7 @@ from ..fit.fit_result import Fit
 from ..io.whole_files import write_whole
 from ..model.draws import NUM_NOISE
 from .proposal import Proposal
-from .weighted import Weighted, evaluate
+from .weighted import LEAST_EFFECTIVE, Weighted, evaluate
 
 CONTENT = (
     "key",
@@ -248,7 +248,7 @@ def _moves(weighted: Weighted) -> list[tuple[emcee.moves.Move, float]]:
     cost of a step of evolution; where it is not good, they are left out.
     """
     noise = emcee.moves.MHMove(of_noise)
-    if not weighted.is_sound:
+    if weighted.effective_size <= LEAST_EFFECTIVE:
         usual = [(move, (1.0 - SHARE_WITH_EVOLUTION) * share) for move, share in evolution()]
         return [*usual, (noise, SHARE_WITH_EVOLUTION)]
     proposal = weighted.proposal

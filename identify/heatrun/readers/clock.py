@@ -85,8 +85,8 @@ def parse_time_format(text: str) -> TimeFormat | None:
     if None in kinds or any(not set(sign) <= set(":.,-/_ '") for sign in separators):
         return None
     letters = "".join(kind for kind in kinds if kind)
-    if "y" in letters:
-        date, rest = letters[:3], letters[3:]
+    if "y" in letters or letters.startswith("dmh"):  # a date may leave the year out
+        date, rest = (letters[:3], letters[3:]) if "y" in letters else ("dmy", letters[2:])
         if date not in DATES or (rest and not _clock(rest)):
             return None
         return TimeFormat(text, letters, separators, DATES[date])

@@ -64,7 +64,7 @@ WORD = r"(?P<month>[A-Za-zäéû]{3,9})\.?"
 DAY_FIRST = rf"(?P<day>[0-9]{{1,2}})\.?[- /]{WORD}[- /](?P<year>[0-9]{{4}}),?[T _]\s*{CLOCK}"
 MONTH_FIRST = rf"{WORD}[- ](?P<day>[0-9]{{1,2}}),?[- ](?P<year>[0-9]{{4}}),?[T _]\s*{CLOCK}"
 COMPACT = (
-    r"(?P<year>(?:19|20)[0-9]{2})(?P<month>[01][0-9])(?P<day>[0-3][0-9])[T_]"
+    r"(?P<year>(?:19|20)[0-9]{2})(?P<month>[01][0-9])(?P<day>[0-3][0-9])[T_ ]"
     r"(?P<hour>[0-2][0-9])(?P<minute>[0-5][0-9])(?P<second>[0-5][0-9](?:[.,][0-9]*)?)?"
     r"(?P<zone>Z|[+-][0-9]{2}:?[0-9]{2})?"
 )
@@ -81,6 +81,9 @@ SHORT_FRACTION = re.compile(
 )
 """Behind a date, where the first of four numbers is no day."""
 
+NO_YEAR = "1904"
+"""Stands for the year where a date has none: a leap year before `FIRST_YEAR`, so no day is told."""
+
 LETTERED = (
     (re.compile(r"^[\[(]\s*(.*)[\])]$"), r"\1"),
     (re.compile(r"^T?\+\s*(?=[0-9]+:)|\s*Uhr$"), ""),
@@ -94,6 +97,14 @@ LETTERED = (
         ),
         r"\1:\2:\3",
     ),
+    # behind a date, minus or point in a clock too
+    (
+        re.compile(
+            r"^([0-9]+[-/.][0-9]+[-/.][0-9]+[T ,_]+[0-9]{1,2})([-.])([0-5][0-9])\2([0-5][0-9])(?![-.]?[0-9]+[-.])"
+        ),
+        r"\1:\3:\4",
+    ),
+    (re.compile(r"^([0-9]{1,2}\.[0-9]{1,2}\.)\s+(?=[0-9]+:)"), rf"\g<1>{NO_YEAR} "),
 )
 
 

@@ -301,7 +301,7 @@ def _key(spelling: str) -> str:
     """Return a spelling without what carries no meaning: blanks, signs of degree and product."""
     text = spelling.strip().translate(DEGREES)  # NFKC would turn some of them into letters
     text = unicodedata.normalize("NFKC", text)
-    return re.sub(r"[\s·∙⋅*]+", "", text.replace("−", "-").replace("μ", "µ"))
+    return re.sub(r"[\s·∙⋅・*]+", "", text.replace("−", "-").replace("μ", "µ"))
 
 
 @cache

@@ -30,7 +30,14 @@ from ..clock import (
     read_stated,
 )
 from ..dates import DATE_TIME, DATE_TIME_CELL, read_dates
-from ..header_date import SHORT_FRACTION, is_worded_date, numbered_dates, plain_clock, plain_clocks
+from ..header_date import (
+    NO_YEAR,
+    SHORT_FRACTION,
+    is_worded_date,
+    numbered_dates,
+    plain_clock,
+    plain_clocks,
+)
 
 NUMBER = {
     "." : r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?",
@@ -350,8 +357,12 @@ def _read_dates(texts: pd.Series, name: str) -> Values | None:
     numbered, known_by = numbered_dates(texts)
     if not known_by and not texts.str.fullmatch(DATE_TIME).any():
         return None
-    column = read_dates(numbered, name, known_by=known_by)
+    column = _without_year(read_dates(numbered, name, known_by=known_by))
     return column if column.note else None
+
+
+def _without_year(column: Values) -> Values:
+    return replace(column, note=column.note.replace(f".{NO_YEAR} ", ". "))
 
 
 def _read_stamps(numbers: np.ndarray, name: str) -> Values | None:
@@ -370,7 +381,7 @@ def _read_stated(texts: pd.Series, missing: np.ndarray, stated: TimeFormat, name
     if stated.order:
         numbered, known_by = numbered_dates(plain_clocks(texts))
         order = "year-month-day" if known_by else stated.order
-        column = read_dates(numbered, name, order, known_by=known_by)
+        column = _without_year(read_dates(numbered, name, order, known_by=known_by))
     else:
         column = read_stated(texts, stated)
     unreadable = ~missing & ~np.isfinite(column.numbers)
