@@ -17,7 +17,7 @@ from .checks import check_record, current_scale_unchecked
 from .checks.load_moments import with_load_moments
 from .checks.suitability import as_holdout
 from .effects.found import Found, asked_findings, find
-from .effects.missing import Missing, averaged, missing, missing_finding
+from .effects.small_effects import SmallEffects, averaged, missing_finding, small_effects
 from .errors import InputError, did_you_mean
 from .fit.fit import fit
 from .fit.fit_result import Fit
@@ -92,7 +92,7 @@ class Calibration:
     result: FitResult
     sampling_s: float = math.nan
     asked: Found | None = None
-    screened: Missing | None = None
+    screened: SmallEffects | None = None
 
 
 def load_tests(
@@ -328,7 +328,7 @@ class _Fitted:
 
     fit: Fit
     asked: Found | None
-    screened: Missing | None
+    screened: SmallEffects | None
     attempts: Attempts
 
 
@@ -342,7 +342,7 @@ class _Outcome:
     findings: list[Finding]
     sampling_s: float
     asked: Found | None
-    screened: Missing | None
+    screened: SmallEffects | None
 
 
 def _searched(
@@ -351,14 +351,14 @@ def _searched(
     seed: int,
     work: Work,
     attempts: Attempts,
-) -> tuple[Fit, Missing | None]:
+) -> tuple[Fit, SmallEffects | None]:
     """Return the fit and what it misses; with several tests, the fit may change between them."""
     title = found.problem.model.title
 
-    def search(fit: Fit) -> Missing | None:
+    def search(fit: Fit) -> SmallEffects | None:
         return attempts.of(
             "the search for missing effects",
-            lambda: missing(fit, kinds),
+            lambda: small_effects(fit, kinds),
             None,
             where=title,
         )
@@ -381,7 +381,7 @@ def _searched(
 
 def _fit_findings(
     posterior: Posterior,
-    screened: Missing | None,
+    screened: SmallEffects | None,
     predicted: Sequence[Prediction],
     *,
     is_last: bool,
@@ -394,7 +394,7 @@ def _fit_findings(
 
 def _sampled(
     found: Fit,
-    screened: Missing | None,
+    screened: SmallEffects | None,
     settings: Settings,
     folder: RunFolder | None,
     progress: Callable[[str, float], None],

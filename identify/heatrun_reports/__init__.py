@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import heatrun as heatrun  # settings of JAX before its first use
 
 if TYPE_CHECKING:
+    from .bench_test_types import CARDS as CARDS
+    from .bench_test_types import TEST_TYPES as TEST_TYPES
+    from .bench_test_types import BenchTestType as BenchTestType
+    from .bench_test_types import Kind as Kind
     from .build import build_report as build_report
-    from .card import CARDS as CARDS
-    from .card import TEST_TYPES as TEST_TYPES
-    from .card import BenchTestType as BenchTestType
-    from .card import Kind as Kind
     from .general import energy_report as energy_report
     from .general import general_report as general_report
     from .job import Outcome as Outcome
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 
 _PLACES = {
     "build_report": ".build",
-    "CARDS": ".card",
-    "TEST_TYPES": ".card",
-    "BenchTestType": ".card",
-    "Kind": ".card",
+    "CARDS": ".bench_test_types",
+    "TEST_TYPES": ".bench_test_types",
+    "BenchTestType": ".bench_test_types",
+    "Kind": ".bench_test_types",
     "energy_report": ".general",
     "general_report": ".general",
     "Outcome": ".job",

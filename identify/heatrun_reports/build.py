@@ -10,7 +10,7 @@ from heatrun.errors import UsageError
 from heatrun.record.motor import Motor
 from heatrun.record.record import Record
 
-from .card import TEST_TYPES, Kind
+from .bench_test_types import TEST_TYPES, Kind
 from .general import energy_report, general_report
 from .report import Report
 from .simulated import Reference, reference_of_run, simulate_run

@@ -17,7 +17,7 @@ from heatrun.reports.figures import again, save
 from heatrun.reports.pdf import typeset
 from heatrun.reports.printed import fixed, told
 
-from .card import CARDS
+from .bench_test_types import CARDS
 from .report import Cell, Line, Report, Row, Table
 
 TEMPLATE = resources.files("heatrun_reports") / "report.typ"

@@ -18,7 +18,7 @@ from .analysis.general_information import (
     general_information,
 )
 from .analysis.operating_map import OperatingMap, above_one, operating_map
-from .card import TEST_TYPES
+from .bench_test_types import TEST_TYPES
 from .figures.plot import courses, energy_course, plane
 from .operating_ranges import ShaftEnergy, recorded, shaft_energy, signal_table
 from .report import Column, Drawing, Line, Report, Row, Table

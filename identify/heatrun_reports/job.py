@@ -18,8 +18,8 @@ from heatrun.results import to_json
 from heatrun.runs.run import open_run
 from heatrun.work import Progress, Work
 
+from .bench_test_types import Kind
 from .build import build_report, check_use
-from .card import Kind
 from .content import report_content
 from .csv_table import csv_table
 from .document import write_pdf

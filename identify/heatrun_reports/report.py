@@ -12,7 +12,7 @@ from heatrun.record.record import Finding, Source
 from .analysis.equilibrium import ThermalBehaviour
 from .analysis.general_information import GeneralInformation
 from .analysis.validation import Validation
-from .card import Kind
+from .bench_test_types import Kind
 from .prototypes.confront import Confrontation
 
 Cell = float | str | None

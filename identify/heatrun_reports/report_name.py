@@ -15,7 +15,7 @@ from heatrun.io.file_set import names_begun
 from heatrun.readers.header_date import CLOCK_OF_DAY as CLOCK
 from heatrun.record.record import Record
 
-from .card import CARDS, Kind
+from .bench_test_types import CARDS, Kind
 
 IN_NAME = re.compile(
     r"(?<!\d)(?P<year>20\d\d)[_\-.]?(?P<month>0[1-9]|1[0-2])[_\-.]?(?P<day>0[1-9]|[12]\d|3[01])"

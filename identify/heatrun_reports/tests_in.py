@@ -11,7 +11,7 @@ from heatrun.errors import InputError
 from heatrun.io.own_files import is_run_folder, own_file_at
 from heatrun.record.record import Record
 
-from .card import CARDS
+from .bench_test_types import CARDS
 
 ENDINGS = (
     *(".csv", ".txt", ".dat", ".tsv", ".asc", ".mat", ".parquet", ".mf4", ".mdf", ".tdms"),

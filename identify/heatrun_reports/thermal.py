@@ -17,7 +17,7 @@ from heatrun.runs.equilibrium import CRITERION, EXTRAPOLATION, SteadyRise
 from .analysis.drive import LossSplit, integrate
 from .analysis.equilibrium import ThermalBehaviour, thermal_behaviour
 from .analysis.validation import instrument_class
-from .card import NOT_OF_THE_MACHINE, TEST_TYPES, flow_words, unnamed
+from .bench_test_types import NOT_OF_THE_MACHINE, TEST_TYPES, flow_words, unnamed
 from .document import number
 from .equilibrium_rows import (
     equilibrium_rows,

@@ -20,7 +20,7 @@ from .analysis.validation import (
     Validation,
     validate,
 )
-from .card import TEST_TYPES
+from .bench_test_types import TEST_TYPES
 from .figure_cells import figure_cells, is_judged
 from .figures.plot import overlay, unit, wording
 from .independence import before, fitted_by, same_file, simulated_as

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from heatrun.discovery.run import tell
+from heatrun.discovery.discovery import tell
 from heatrun.effects.found import find
-from heatrun.effects.missing import missing
+from heatrun.effects.small_effects import small_effects
 from heatrun.fit.fit import fit
 from heatrun.model.model import Model
 from heatrun.model.problem import Problem
@@ -17,4 +17,4 @@ def discovered(motor, tests, *, order="second", kinds=None, held_out=()):
     rows = [model.with_bodies(test) for test in tests]
     alone = holding_heat(fit(Problem.of(model, motor, rows)))
     asked = find(model, motor, rows, kinds=kinds, held_out=held_out, start=alone)
-    return tell(asked, missing(asked.fit, kinds), command="heatrun discover")
+    return tell(asked, small_effects(asked.fit, kinds), command="heatrun discover")

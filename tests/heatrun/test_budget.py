@@ -11,7 +11,7 @@ import pytest
 from dcc_structure import DCC, SI, violations
 from test_dcc import STATED, STORED
 
-from heatrun.effects.missing import Missing, averaged
+from heatrun.effects.small_effects import SmallEffects, averaged
 from heatrun.fit.fit import fit
 from heatrun.fit.restricted import whiten_fit
 from heatrun.io.texts import Texts
@@ -109,7 +109,7 @@ def test_small_effects_behind_the_draws_have_a_row(posterior, fitted):
     turn = np.zeros((size, 1))
     turn[place] = 0.05
     sizes = np.where(np.arange(400) % 2, 0.4, 0.0)[:, None]
-    behind = averaged(posterior, Missing(1.0, (), (None,), sizes, turn))
+    behind = averaged(posterior, SmallEffects(1.0, (), (None,), sizes, turn))
     draws = behind.values()["Req_w"].ravel()
     rows = budget_of(behind)(draws)
     parameter = fitted.slots[place].parameter

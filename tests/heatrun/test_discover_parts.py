@@ -14,8 +14,8 @@ from discovered import discovered
 from hidden_machines import machine
 from measured_machine import measured_record
 
+from heatrun.discovery.discovery import adequacy, folds, left_out_errors, rmse
 from heatrun.discovery.localise import Course, Where, respond
-from heatrun.discovery.run import adequacy, folds, left_out_errors, rmse
 from heatrun.effects.engine import Engine, library, placed, white
 from heatrun.effects.found import with_catalogue
 from heatrun.errors import InputError

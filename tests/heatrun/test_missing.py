@@ -13,15 +13,15 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 import heatrun
-from heatrun.effects.missing import (
+from heatrun.effects.search import ODDS
+from heatrun.effects.small_effects import (
     SCALES,
-    Missing,
+    SmallEffects,
     _log_bayes,
     draw_sizes,
-    missing,
     missing_finding,
+    small_effects,
 )
-from heatrun.effects.search import ODDS
 from heatrun.model.catalogue import all_effects
 from heatrun.model.draws import Draws, PlausibleEffect, PlausibleEffects
 from heatrun.model.model import Model
@@ -62,7 +62,7 @@ def calibrated(hidden_bench, tmp_path_factory):
 @pytest.fixture(scope="module")
 def clean(fitted):
     """The fit of a clean record, and what it may miss."""
-    return fitted, missing(fitted)
+    return fitted, small_effects(fitted)
 
 
 def line(*, num_effects=1):
@@ -139,7 +139,7 @@ def test_a_large_effect_that_the_parameters_mimic_leaves_no_rounding_for_evidenc
 def test_no_effect_to_be_weighed_is_none_that_is_missing(clean):
     fitted, _ = clean
     gain = next(kind for kind in all_effects() if kind.card.id == "loss_gain")
-    found = missing(fitted, [gain])  # an error of an instrument, which every network has
+    found = small_effects(fitted, [gain])  # an error of an instrument, which every network has
     assert found is not None
     assert found.effects == ()
     assert not found.is_seen
@@ -192,7 +192,7 @@ def of_friction(fitted, probability, shift=0.0):
     turn[0] = shift * np.sqrt(fitted.covariance[0, 0])
     size = (np.arange(100) < round(100 * probability)).astype(float)[:, None]
     effect = PlausibleEffect(kind, None, probability, {}, {})
-    finding = missing_finding(fitted, Missing(0.004, (3.0,), (effect,), size, turn))
+    finding = missing_finding(fitted, SmallEffects(0.004, (3.0,), (effect,), size, turn))
     assert finding is not None
     assert f"bearing_friction ({100 * probability:.0f} %)" in finding.message
     assert finding.values["probability_of_none"] == pytest.approx(1.0 - probability)

@@ -10,9 +10,9 @@ from msgspec import UNSET
 
 from ..calibration import Calibration
 from ..effects.engine import Candidate
-from ..effects.missing import Sight
 from ..effects.search import MATTERS_K
 from ..effects.search import gap as closed
+from ..effects.small_effects import Sight
 from ..model.noise import from_scores
 from ..model.parameters import qualified
 from ..posterior.posterior import Posterior
@@ -45,8 +45,8 @@ from ..results.discovery import (
 from ..results.model import Localisation, LocalisedMisfit, MissingCourse, MissingSpan
 from ..results.values import Interval, Role
 from ..version import __version__
+from .discovery import Adequacy, Discovery
 from .localise import SENSOR, Span, Where
-from .run import Adequacy, Discovery
 
 
 def describe_candidates(found: Discovery) -> tuple[CandidateFate, ...]:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from ..attempts import OUTPUT_FAILED, Attempts
 from ..calibration import BenchTest, Calibration, Settings, calibrate, identity, manifest
+from ..discovery.discovery import tell
 from ..discovery.result import assemble
-from ..discovery.run import tell
 from ..errors import InputError
 from ..io.texts import LANGUAGES, Texts
 from ..model.catalogue import all_effects

@@ -24,7 +24,7 @@ from ..io.quantities import percent, rounded
 from ..model.parameters import EXTRA_NODE
 from ..results.model import AT_REST, LOADED, DerivedFigure
 from ..results.values import Interval, Probability, known
-from .behind import Behind, alone, with_effects
+from .draw_values import DrawValues, alone, with_effects
 from .duties import at_limit, limits_of, within_rise
 from .machine import RAD_PER_S, SAME_LOAD, Machine, Tested, figure, machines, steady_rise
 from .ratings_figures import names_of_times, rates, resistances
@@ -129,23 +129,23 @@ class _Side:
         self.to_sink = [name for link, name in links if set(link) & set(form.sinks)]
 
     @cached_property
-    def base(self) -> Behind:
+    def base(self) -> DrawValues:
         """The network alone; events are those of the first test."""
         return alone(self.draws)
 
-    def behind(self, seen: Tested) -> Behind:
+    def draw_values(self, seen: Tested) -> DrawValues:
         """Return the network with the effects behind its draws, under a load."""
         return with_effects(self.draws, self.base, seen)
 
     def machine(
-        self, behind: Behind, seen: Tested, amperes: float, degC: float, permitted: float
+        self, draw_values: DrawValues, seen: Tested, amperes: float, degC: float, permitted: float
     ) -> Machine:
         scale = (amperes / seen.amperes) ** 2 if seen.amperes else 1.0
         at = map(np.asarray, (seen.loaded_winding_degC, degC, scale, permitted))
-        return machines(behind.model, behind.values, seen.loaded, *at)
+        return machines(draw_values.model, draw_values.values, seen.loaded, *at)
 
     def other_losses_W(self, seen: Tested) -> float:
-        drawn = self.machine(self.behind(seen), seen, seen.amperes, np.nan, np.nan)
+        drawn = self.machine(self.draw_values(seen), seen, seen.amperes, np.nan, np.nan)
         return float(np.median(drawn.other))
 
     def stated(self, name: str) -> _Drawn:
@@ -180,22 +180,22 @@ class _Side:
             amperes: Current of the steady rise [A].
             before: The load whose winding temperature the time constants are told for.
         """
-        behind, model = self.behind(seen), self.model
+        draw_values, model = self.draw_values(seen), self.model
         motor, sink = self.run.motor, seen.sink_degC
         limit, by_rise = limits_of(motor, sink)
         ends = (np.nan if each is None else each.degC for each in (limit, by_rise))
-        drawn = self.machine(behind, seen, amperes, *ends)
+        drawn = self.machine(draw_values, seen, amperes, *ends)
         winding = np.asarray(before.loaded_winding_degC)
         network = rates(model, self.base.values, seen.loaded, winding)
         times = time_constants(network.A)
         around = seen.surroundings(
             model.effects, follows_time=bool(np.any(network.follows_time)),
-            second_sink=model.form.second_sink, likely=behind.likely,
+            second_sink=model.form.second_sink, likely=draw_values.likely,
         )  # fmt: skip
         heated = f"other losses {np.median(drawn.other):.0f} W, sink {sink:.0f} °C"
         found = {
             f"{name}{ending}": (draws, figure(draws, "K/W", words, self.draws.plausible))
-            for name, at in (resistances(behind, seen) if model.effects else {}).items()
+            for name, at in (resistances(draw_values, seen) if model.effects else {}).items()
             for ending, (draws, words) in at.items()
         }
         found |= {

@@ -5,7 +5,7 @@ $S$. The slope $g$ of a figure by the scores is that of its draws, by least squa
 scatter by the noise of the sensors, by heat that the network misses and by load steps whose moment
 nothing tells: with $W W^T$ the inverse of their covariance, the part of columns $H$ in it is
 $|(W^T H)^T W^T A S g|$ of the readings' derivative $A$. What small effects behind the draws add is
-the scatter of what they move (`heatrun.effects.missing`).
+the scatter of what they move (`heatrun.effects.small_effects`).
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ from ..model.model import Model
 from ..record.motor import LIMIT_DEGC, Motor
 from ..results.model import DerivedFigure
 from ..results.values import known, number
-from .behind import Behind
+from .draw_values import DrawValues
 from .machine import (
     RAD_PER_S,
     WARM,
@@ -199,7 +199,7 @@ class Rated:
     """A machine that is to be rated.
 
     Attributes:
-        behind: Model and values behind each draw.
+        draw_values: Model and values behind each draw.
         drawn: The machine of each draw.
         times: Its time constants [s], shape (draw, node), shortest first.
         seen: Range of the tests.
@@ -207,7 +207,7 @@ class Rated:
         surroundings: As `heatrun.runs.machine.Tested.surroundings`.
     """
 
-    behind: Behind
+    draw_values: DrawValues
     drawn: Machine
     times: Float[np.ndarray, "draw node"]
     seen: Tested
@@ -229,13 +229,13 @@ def duty_current(rated: Rated, duty: Duty) -> DerivedFigure:
     seen, limit = rated.seen, rated.limit
     picked = np.random.default_rng(0).permutation(rated.times.shape[0])[:NUM_DRAWS]
     other = rated.drawn.other[picked]
-    values = {name: draws[picked] for name, draws in rated.behind.values.items()}
+    values = {name: draws[picked] for name, draws in rated.draw_values.values.items()}
     longest = float(np.min(rated.times[picked])) / STEPS_PER_TIME_CONSTANT
     phases = _held(duty, seen.loaded, longest)
 
     def highest(current: np.ndarray, duty: Duty) -> np.ndarray:
         factor = jnp.asarray(current) ** 2 / seen.loaded.current_squared
-        top = _highest(rated.behind.model, values, seen.loaded, other, factor, phases,
+        top = _highest(rated.draw_values.model, values, seen.loaded, other, factor, phases,
                        jnp.asarray(duty.num_cycles))  # fmt: skip
         return np.asarray(top)
 
@@ -299,7 +299,7 @@ def current_by_rms(
     other = float(np.median(drawn.other))
     watts = [other if phase.other_W is None else phase.other_W for phase in duty.phases]
     mean = float(np.sum(share * np.array(watts)))
-    hot = limit.degC + float(rated.behind.model.coefficient)
+    hot = limit.degC + float(rated.draw_values.model.coefficient)
     copper = float(np.median(np.asarray(drawn.copper_slope) * square)) * hot
     why = []
     if np.sum(seconds) > SHORT_CYCLE * fast_s:

@@ -23,7 +23,7 @@ from lptn.effects import AbstractEffect
 from ..errors import InputError
 from ..results.model import DerivedFigure
 from ..results.values import known
-from .behind import Behind, alone, with_effects
+from .draw_values import DrawValues, alone, with_effects
 from .duties import (
     NO_CLASS,
     NO_CURRENT,
@@ -115,18 +115,18 @@ def rating_map(
         raise InputError(f"no map of ratings: {why}.", where=str(run.path), remedy=remedy)
     draws = run.draws(name)
     base = alone(draws)
-    behind = with_effects(draws, base, seen)
+    draw_values = with_effects(draws, base, seen)
     levels = list(_levels(run, seen))
     tested = np.asarray([rpm for rpm, _, _ in levels])
-    watts = np.asarray([_median_other(behind, drive, degC) for _, drive, degC in levels])
+    watts = np.asarray([_median_other(draw_values, drive, degC) for _, drive, degC in levels])
     amperes = [float(np.sqrt(drive.current_squared)) for _, drive, _ in levels]
     asked = speeds or dict.fromkeys(np.round(tested).tolist())
-    _refuse_unknown(run, (*base.model.effects, *behind.likely), seen, tested, asked)
+    _refuse_unknown(run, (*base.model.effects, *draw_values.likely), seen, tested, asked)
     rows: list[Permitted] = []
     for rpm, given in sorted(asked.items()):
         at = _at(seen, rpm)
         wanted = float(np.interp(rpm, tested, watts)) if given is None else given
-        own = _median_other(behind, at, seen.loaded_winding_degC)
+        own = _median_other(draw_values, at, seen.loaded_winding_degC)
         # they keep their uncertainty, and their median alone is moved
         moved = replace(at, losses=at.losses + (wanted - own))
         beyond = "" if _is_near(rpm, tested) else f"tested at {_span(tested)}"
@@ -138,7 +138,7 @@ def rating_map(
                 other_losses_from=_from(rpm, given, tested),
                 current=extrapolated(entry, beyond),
             )
-            for duty, entry in _at_speed(base, behind, there, limit)
+            for duty, entry in _at_speed(base, draw_values, there, limit)
         ]  # fmt: skip
     if all(known(row.current.refused) == NO_CURRENT for row in rows):
         raise InputError(f"no map of ratings: {NO_CURRENT}.", where=str(run.path))
@@ -180,32 +180,35 @@ def _at(
     return drive if squared is None else drive.scale_current(squared / of_load.current_squared)
 
 
-def _machine(behind: Behind, drive: Drive, degC: float, limit: Limit | None = None) -> Machine:
+def _machine(
+    draw_values: DrawValues, drive: Drive, degC: float, limit: Limit | None = None
+) -> Machine:
     end = np.nan if limit is None else limit.degC
     at = map(np.asarray, (degC, end, 1.0, np.nan))
-    return machines(behind.model, behind.values, drive, *at)
+    return machines(draw_values.model, draw_values.values, drive, *at)
 
 
-def _median_other(behind: Behind, drive: Drive, degC: float) -> float:
-    return float(np.median(_machine(behind, drive, degC).other))
+def _median_other(draw_values: DrawValues, drive: Drive, degC: float) -> float:
+    return float(np.median(_machine(draw_values, drive, degC).other))
 
 
 def _at_speed(
-    base: Behind, behind: Behind, seen: Tested, limit: Limit
+    base: DrawValues, draw_values: DrawValues, seen: Tested, limit: Limit
 ) -> Iterator[tuple[str, DerivedFigure]]:
     """Yield each duty with its current, the longest first."""
     winding = seen.loaded_winding_degC
-    drawn = _machine(behind, seen.loaded, winding, limit)
+    drawn = _machine(draw_values, seen.loaded, winding, limit)
     alone, network = (
-        rates(each.model, each.values, seen.loaded, np.asarray(winding)) for each in (base, behind)
+        rates(each.model, each.values, seen.loaded, np.asarray(winding))
+        for each in (base, draw_values)
     )
     around = seen.surroundings(
         base.model.effects, follows_time=bool(np.any(alone.follows_time)),
-        second_sink=base.model.form.second_sink, likely=behind.likely,
+        second_sink=base.model.form.second_sink, likely=draw_values.likely,
     )  # fmt: skip
     heated = f"other losses {np.median(drawn.other):.0f} W, sink {seen.sink_degC:.0f} °C{around}"
     yield "S1", continuous(drawn, drawn.limit_squared, seen, limit, f"{limit}, {heated}")
-    rated = Rated(behind, drawn, time_constants(network.A), seen, limit, around)
+    rated = Rated(draw_values, drawn, time_constants(network.A), seen, limit, around)
     for text in SHORT:
         yield text, duty_current(rated, parse_duty(text, 1.0))
 

@@ -30,8 +30,8 @@ from ..model.draws import PlausibleEffects
 from ..model.model import Model
 from ..posterior.posterior import Posterior
 from ..results.model import AT_REST, LOADED, DerivedFigure
-from .behind import Behind, alone, with_effects
 from .budget import Budget
+from .draw_values import DrawValues, alone, with_effects
 from .duties import (
     PATTERN,
     Rated,
@@ -135,7 +135,10 @@ SAME = 1e-3
 
 
 def at_conditions(
-    behind: Behind, seen: Tested, plausible: PlausibleEffects | None, budget: Budget | None = None
+    draw_values: DrawValues,
+    seen: Tested,
+    plausible: PlausibleEffects | None,
+    budget: Budget | None = None,
 ) -> dict[str, DerivedFigure]:
     """Return the resistances that effects change, at the mean load of the tests and at rest.
 
@@ -143,14 +146,14 @@ def at_conditions(
     change is in the interval, not in the value.
 
     Args:
-        behind: The network with all effects behind the draws.
+        draw_values: The network with all effects behind the draws.
         seen: The load.
         plausible: The effects that the network may miss; None for none.
         budget: Gives the budget of draws; None for none.
     """
     figures = {}
-    for name, at in resistances(behind, seen).items():
-        if _is_same(at[LOADED][0], behind.values[name]):
+    for name, at in resistances(draw_values, seen).items():
+        if _is_same(at[LOADED][0], draw_values.values[name]):
             continue
         for ending, (draws, words) in at.items():
             entry = figure(draws, "K/W", words, plausible)
@@ -165,12 +168,12 @@ def _is_same(one: Array | np.ndarray, other: Array | np.ndarray) -> bool:
 
 
 def resistances(
-    behind: Behind, seen: Tested
+    draw_values: DrawValues, seen: Tested
 ) -> dict[str, dict[str, tuple[Float[np.ndarray, " draw"], str]]]:
     """Return each resistance at the mean load [K/W], and at rest where it differs there.
 
     Args:
-        behind: The network with all effects behind the draws.
+        draw_values: The network with all effects behind the draws.
         seen: The load.
 
     Returns:
@@ -178,11 +181,11 @@ def resistances(
     """
     winding = np.asarray(seen.loaded_winding_degC)
     speed = seen.loaded.speed
-    nodes, loaded = _at(behind.model, behind.values, seen.loaded, seen.loaded, winding)
+    nodes, loaded = _at(draw_values.model, draw_values.values, seen.loaded, seen.loaded, winding)
     rest = loaded
     if speed is not None:
         still = replace(seen.loaded, speed=0.0 * speed, speed_rad=0.0 * speed)
-        rest = _at(behind.model, behind.values, seen.loaded, still, winding)[1]
+        rest = _at(draw_values.model, draw_values.values, seen.loaded, still, winding)[1]
     return {
         parameter.name: {
             ending: (
@@ -191,7 +194,7 @@ def resistances(
             for ending, at in ((LOADED, loaded), (AT_REST, rest))
             if ending == LOADED or not _is_same(at[link], loaded[link])
         }
-        for link, parameter in behind.model.form.resistance
+        for link, parameter in draw_values.model.form.resistance
     }  # fmt: skip
 
 
@@ -246,7 +249,7 @@ def derive(
     limit, rise = limits_of(problem.motor, seen.sink_degC)
     draws = posterior.draws
     base = alone(draws)
-    behind = with_effects(draws, base, seen)
+    draw_values = with_effects(draws, base, seen)
     winding = np.asarray(seen.loaded_winding_degC)
     degC = np.asarray(np.nan if limit is None else limit.degC)
     network = rates(base.model, base.values, seen.loaded, winding)
@@ -254,7 +257,7 @@ def derive(
     scale = 1.0 if rated is None else (rated / seen.amperes) ** 2
     top = np.asarray(np.nan if rise is None else rise.degC)
     at_load = seen.loaded, winding, degC, np.asarray(scale), top
-    drawn = machines(behind.model, behind.values, *at_load)
+    drawn = machines(draw_values.model, draw_values.values, *at_load)
     times = time_constants(network.A)
     around = partial(
         seen.surroundings,
@@ -265,9 +268,9 @@ def derive(
     is_fed = bool(np.any(np.asarray(drawn.copper_slope)))
     figures = {}
     if base.model.effects:
-        figures = at_conditions(behind, seen, draws.plausible, budget)
+        figures = at_conditions(draw_values, seen, draws.plausible, budget)
     figures |= _time_constants(network, is_fed, times, seen.amperes, around())
-    surroundings = around(likely=behind.likely)
+    surroundings = around(likely=draw_values.likely)
     heated = (
         f"other losses {np.median(drawn.other):.0f} W, sink {seen.sink_degC:.0f} °C{surroundings}"
     )
@@ -279,9 +282,9 @@ def derive(
     if not duties:
         return figures
     fast_s = float(np.median(times[:, 0]))
-    if behind is not base:  # the body of an effect may be faster
-        times = time_constants(rates(behind.model, behind.values, seen.loaded, winding).A)
-    machine = Rated(behind, drawn, times, seen, limit, surroundings)
+    if draw_values is not base:  # the body of an effect may be faster
+        times = time_constants(rates(draw_values.model, draw_values.values, seen.loaded, winding).A)
+    machine = Rated(draw_values, drawn, times, seen, limit, surroundings)
     for text in duties:
         duty = parse_duty(text, float(np.median(times[:, -1])))
         figures[f"{duty.name}_current_A"] = exact = duty_current(machine, duty)

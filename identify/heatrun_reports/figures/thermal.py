@@ -12,7 +12,7 @@ from heatrun.record.record import Record
 from heatrun.runs.equilibrium import Equilibrium, SteadyRise
 
 from ..analysis.drive import LossSplit, has
-from ..card import NOT_OF_THE_MACHINE
+from ..bench_test_types import NOT_OF_THE_MACHINE
 from ..simulated import Simulated
 from .plot import CYCLE, finish, line, samples_or_nan, stacked, unit, wording
 

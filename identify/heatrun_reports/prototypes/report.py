@@ -15,7 +15,7 @@ from heatrun.record.samples import median_step, samples
 
 from ..analysis.general_information import FIGURES
 from ..analysis.validation import PERCENT, RULE, VERDICTS, FigureComparison, SignalComparison, place
-from ..card import PROTOTYPES
+from ..bench_test_types import PROTOTYPES
 from ..figure_cells import figure_cells
 from ..figures.plot import unit, wording
 from ..independence import before, fitted_by, same_file, simulated_as

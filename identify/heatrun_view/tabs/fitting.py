@@ -16,9 +16,9 @@ from heatrun.results import DiscoveryResult, FitResult
 from heatrun_reports import Kind
 
 from ..background import Soon, in_order
+from ..job_pane import JobPane
 from ..linked import Band, Plots, Told
 from ..look import Screen
-from ..pane import JobPane
 from ..running_jobs import Job, JobQueue
 from ..runs import Run
 from ..store import Stamp

@@ -13,8 +13,8 @@ from heatrun.errors import InputError, of_file
 from heatrun.io.whole_files import free_name
 from heatrun_reports import TEST_TYPES
 
+from ..job_pane import JobPane
 from ..look import text_pane
-from ..pane import JobPane
 from ..running_jobs import Job, JobQueue
 from ..runs import Run, download
 from ..uploads import BoundedDropper, UploadRoom, keep_upload

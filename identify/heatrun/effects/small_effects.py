@@ -104,7 +104,7 @@ class Sight:
 
 
 @dataclass(frozen=True)
-class Missing:
+class SmallEffects:
     """What a fitted network may lack.
 
     Attributes:
@@ -154,7 +154,9 @@ class _Column:
     at: Float[np.ndarray, " slot"]
 
 
-def missing(fit: Fit, kinds: Sequence[type[AbstractEffect]] | None = None) -> Missing | None:
+def small_effects(
+    fit: Fit, kinds: Sequence[type[AbstractEffect]] | None = None
+) -> SmallEffects | None:
     """Return what the fitted network may lack, None if no effect can be looked for.
 
     Args:
@@ -181,7 +183,7 @@ def missing(fit: Fit, kinds: Sequence[type[AbstractEffect]] | None = None) -> Mi
         if each.candidate.id not in SAME_AS_AN_INSTRUMENT and np.any(each.change)
     ]  # fmt: skip
     return replace(
-        _small_effects(fit, engine, linear, small),
+        _by_evidence(fit, engine, linear, small),
         sights=tuple(sorted(sights, key=lambda each: -each.log_bayes)),
     )
 
@@ -193,7 +195,9 @@ def _column(engine: Engine, search: Search, linear: Linear, candidate: Candidate
     return _Column(candidate, size, per_size, change, linear.at[own])
 
 
-def _small_effects(fit: Fit, engine: Engine, linear: Linear, columns: Sequence[_Column]) -> Missing:
+def _by_evidence(
+    fit: Fit, engine: Engine, linear: Linear, columns: Sequence[_Column]
+) -> SmallEffects:
     """Return which of the effects a network may lack, by the linear evidence around its fit."""
     alone, num = linear.centre, fit.z.size
     nothing = np.zeros((alone.residual.size, 0))  # where no effect is left to be weighed
@@ -218,7 +222,7 @@ def _small_effects(fit: Fit, engine: Engine, linear: Linear, columns: Sequence[_
     unit = np.array([each.size or LEAST for each in columns])
     together = float(np.logaddexp.reduce(log_bayes)) - math.log(max(1, log_bayes.size))
     kept = [int(place) for place in np.argsort(-probability) if probability[place] > 0.0]
-    return Missing(
+    return SmallEffects(
         p=min(1.0, math.exp(-max(together, 0.0))),
         log_bayes=tuple(log_bayes[kept].tolist()),
         effects=tuple(
@@ -530,7 +534,7 @@ def _scaled_resistance(engine: Engine, base: Sequence[int], candidate: Candidate
     return None
 
 
-def missing_finding(fit: Fit, found: Missing) -> Finding | None:
+def missing_finding(fit: Fit, found: SmallEffects) -> Finding | None:
     """Return the finding that a network may lack a small effect; None if the tests show none.
 
     What the tests ask for is in the network by now (`effects.found`). They do not decide whether
@@ -564,7 +568,7 @@ def _words(effect: PlausibleEffect) -> str:
     return f"{effect.id}{place} ({100.0 * effect.probability:.0f} %)"
 
 
-def _moves(fit: Fit, found: Missing) -> dict[str, tuple[float, float]]:
+def _moves(fit: Fit, found: SmallEffects) -> dict[str, tuple[float, float]]:
     """Return where the small effects put the network's parameters, against the network alone.
 
     Returns:
@@ -595,12 +599,12 @@ def _moved(moves: Mapping[str, tuple[float, float]]) -> str:
     return f"With them, on the mean: {told}."
 
 
-def averaged(posterior: Posterior, found: Missing, *, seed: int = 0) -> Posterior:
+def averaged(posterior: Posterior, found: SmallEffects, *, seed: int = 0) -> Posterior:
     """Return the posterior with small effects behind a part of its draws.
 
-    Around the fit the parameters given the sizes lie a shift away from those without (`missing`),
-    so each draw moves by that of the effects behind it. One that would leave a node too fast for
-    the steps of the tests, or a share above one, stays as it was.
+    Around the fit the parameters given the sizes lie a shift away from those without, so each draw
+    moves by that of the effects behind it. One that would leave a node too fast for the steps of
+    the tests, or a share above one, stays as it was.
 
     Args:
         posterior: Of the network alone.

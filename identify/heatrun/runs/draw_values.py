@@ -26,7 +26,7 @@ LIKELY = 0.5
 """Probability from which on a condition names an effect that the network misses [1]."""
 
 
-class Behind(NamedTuple):
+class DrawValues(NamedTuple):
     """What the figures are computed from.
 
     Attributes:
@@ -41,13 +41,13 @@ class Behind(NamedTuple):
     likely: tuple[type[AbstractEffect], ...]
 
 
-def alone(draws: Draws) -> Behind:
+def alone(draws: Draws) -> DrawValues:
     """Return the network without effects that it may miss; events are those of the first test."""
     values = draws.of_test(draws.parameters.tests[0])
-    return Behind(draws.model, draws.model.in_general(values), ())
+    return DrawValues(draws.model, draws.model.in_general(values), ())
 
 
-def with_effects(draws: Draws, base: Behind, seen: Tested) -> Behind:
+def with_effects(draws: Draws, base: DrawValues, seen: Tested) -> DrawValues:
     """Return the network with the effects behind the draws; `base` itself if there are none.
 
     An effect of one test is none of the machine in general.
@@ -81,7 +81,7 @@ def with_effects(draws: Draws, base: Behind, seen: Tested) -> Behind:
         rows = np.flatnonzero(plausible.size[:, index])
         _add(effect, plausible.size[rows, index], rows, known, values)
     likely = tuple(each.kind for each in used.values() if each.probability >= LIKELY)
-    return Behind(model, jax.tree.map(np.asarray, values), likely)
+    return DrawValues(model, jax.tree.map(np.asarray, values), likely)
 
 
 def _add(

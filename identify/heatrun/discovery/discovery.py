@@ -16,8 +16,8 @@ from jaxtyping import Bool, Float
 
 from ..effects.engine import Engine, Refit
 from ..effects.found import Found
-from ..effects.missing import Missing
 from ..effects.search import gap, plain_noise
+from ..effects.small_effects import SmallEffects
 from ..fit.fit import low_frequency_excess
 from ..model.loggers import scales_of
 from ..model.network_form import WINDING
@@ -248,7 +248,7 @@ class Verdict:
 
 
 def verdict(
-    asked: Found, screened: Missing | None, before: Adequacy, after: Adequacy, command: str
+    asked: Found, screened: SmallEffects | None, before: Adequacy, after: Adequacy, command: str
 ) -> Verdict:
     """Return the verdict.
 
@@ -316,7 +316,7 @@ class Discovery:
     """
 
     asked: Found
-    screened: Missing | None
+    screened: SmallEffects | None
     left: tuple[Refit, Refit]
     left_out_K: tuple[float, float]
     before: Adequacy
@@ -329,7 +329,7 @@ class Discovery:
 
 
 def tell(
-    asked: Found, screened: Missing | None = None, *, command: str = "", work: Work = SILENT
+    asked: Found, screened: SmallEffects | None = None, *, command: str = "", work: Work = SILENT
 ) -> Discovery:
     """Tell where a network without effects misses its tests, and what the effects change.
 
