@@ -247,6 +247,20 @@ def test_an_offset_of_the_torque_is_not_told_as_a_warm_start():
     assert "start_not_in_equilibrium" not in told
 
 
+def test_a_marker_near_the_load_is_told_by_the_losses():
+    """0x3FF in tenths, less than twice the current of the test."""
+    low = heat_run(5, currents=(40.0, 55.0, 30.0, 50.0), step_s=2.0)
+    copper = MOTOR.copper_loss_W(low["phase_current_A"], low["winding_degC"])
+    low = changed(low, losses_W=1.2 * copper + 1.0)
+    struck = edited(low, "phase_current_A", 1000.0, 1006.0, 102.3)
+    (finding,) = named(check_record(struck, MOTOR), "load_spike")
+    assert "0x3FF in units of 1/10" in finding.message
+    (part,) = as_advised(struck)
+    assert not named(check_record(part, MOTOR), "load_spike")
+    other = edited(low, "phase_current_A", 1000.0, 1006.0, 102.0)
+    assert not named(check_record(other, MOTOR), "load_spike")
+
+
 def test_a_part_in_rows_is_cut_in_rows():
     """Its clock was set back: a time stands in both parts, a row in one."""
     record = fell_off(SLOW, 1500.0)
