@@ -55,6 +55,17 @@ def test_a_long_test_is_not_called_too_short_for_its_length(monkeypatch):
     assert "between 331 and 2446 s" in finding.message
 
 
+@pytest.mark.parametrize("minutes", [2.0, 3.0, 5.0])
+def test_minutes_tell_no_slow_constant(minutes):
+    """Of a winding of 90 s and a stator of half an hour."""
+    record = heat_run(4, minutes, currents=(120.0,), rounding=0.0, noise=0.05, step_s=0.5)
+    (finding,) = named(check_record(record, MOTOR), "too_short")
+    assert finding.severity == "warning"
+    assert "stays open" in finding.message
+    assert "time constants of about" not in finding.message
+    assert finding.values["fast_from_s"] < 97.0 < 1.05 * finding.values["fast_to_s"]
+
+
 def test_reader_findings_come_first():
     own = Finding("reader", "note", "Seen by the reader.")
     found = check_record(replace(CLEAN, findings=(own,)), MOTOR)
