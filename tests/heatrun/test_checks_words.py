@@ -55,6 +55,17 @@ def test_a_long_test_is_not_called_too_short_for_its_length(monkeypatch):
     assert "between 331 and 2446 s" in finding.message
 
 
+@pytest.mark.parametrize("minutes", [2.0, 3.0, 5.0])
+def test_minutes_tell_no_slow_constant(minutes):
+    """Of a winding of 90 s and a stator of half an hour."""
+    record = heat_run(4, minutes, currents=(120.0,), rounding=0.0, noise=0.05, step_s=0.5)
+    (finding,) = named(check_record(record, MOTOR), "too_short")
+    assert finding.severity == "warning"
+    assert "stays open" in finding.message
+    assert "time constants of about" not in finding.message
+    assert finding.values["fast_from_s"] < 97.0 < 1.05 * finding.values["fast_to_s"]
+
+
 def test_reader_findings_come_first():
     own = Finding("reader", "note", "Seen by the reader.")
     found = check_record(replace(CLEAN, findings=(own,)), MOTOR)
@@ -245,6 +256,20 @@ def test_an_offset_of_the_torque_is_not_told_as_a_warm_start():
     told = {one.id for one in check_record(record, MOTOR)}
     assert "shaft_power_disagrees" in told
     assert "start_not_in_equilibrium" not in told
+
+
+def test_a_marker_near_the_load_is_told_by_the_losses():
+    """0x3FF in tenths, less than twice the current of the test."""
+    low = heat_run(5, currents=(40.0, 55.0, 30.0, 50.0), step_s=2.0)
+    copper = MOTOR.copper_loss_W(low["phase_current_A"], low["winding_degC"])
+    low = changed(low, losses_W=1.2 * copper + 1.0)
+    struck = edited(low, "phase_current_A", 1000.0, 1006.0, 102.3)
+    (finding,) = named(check_record(struck, MOTOR), "load_spike")
+    assert "0x3FF in units of 1/10" in finding.message
+    (part,) = as_advised(struck)
+    assert not named(check_record(part, MOTOR), "load_spike")
+    other = edited(low, "phase_current_A", 1000.0, 1006.0, 102.0)
+    assert not named(check_record(other, MOTOR), "load_spike")
 
 
 def test_a_part_in_rows_is_cut_in_rows():

@@ -14,6 +14,7 @@ from heatrun import cli
 from heatrun.commands.init import motor_of_tests
 from heatrun.errors import InputError
 from heatrun.init.draft import MOST_LINES, draft
+from heatrun.init.gaps import gaps
 from heatrun.init.survey import survey
 from heatrun.motor.file import load_motor, parse_motor
 from heatrun.readers.joined import read_test
@@ -92,6 +93,28 @@ def test_a_little_more_than_torque_times_omega_is_the_input(tmp_path, name):
         text.replace("[constants]", "[constants]\nwinding_degC = 0", 0).encode(), "m"
     )
     np.testing.assert_allclose(read_test(path, motor)["losses_W"], LOSSES + 60.0, atol=0.5)
+
+
+@pytest.mark.parametrize("power", ["P123[W]", "PSigma [W]", "Psum [W]", "Moc pobrana [W]", "P [W]"])
+def test_the_power_beside_three_currents_is_the_input(tmp_path, power):
+    columns = {"t [s]": TIME_S, power: INPUT, "T_Mot [°C]": COIL, "T_a [°C]": ROOM}
+    columns |= {f"Irms{n}[A]": (1.0 + 0.002 * n) * CURRENT for n in (1, 2, 3)}
+    text = accepted(named(tmp_path, columns))
+    assert "losses_W" not in live(text)
+    assert f"electrical_power_W = {power}" in text.replace('"', "")
+    assert live(text)["phase_current_A"] == "mean(Irms1, Irms2, Irms3)"
+    assert "# mechanical_power_W =" in text
+
+
+def test_a_direct_current_is_no_reason_to_write_that_none_heats(tmp_path):
+    columns = {"t [s]": TIME_S, "U_dc [V]": 0.1 * CURRENT, "I_dc [A]": CURRENT, "T_Mot [°C]": COIL,
+               "T_a [°C]": ROOM}  # fmt: skip
+    asked = str(gaps([survey(named(tmp_path, columns))]))
+    assert "Write 0 where no current heats" not in asked
+    assert "direct current in 'I_dc [A]' heats the coil itself" in asked
+    del columns["I_dc [A]"], columns["U_dc [V]"]
+    asked = str(gaps([survey(named(tmp_path, columns))]))
+    assert "Write 0 where no current heats" in asked
 
 
 def test_losses_beside_the_shaft_stay_losses(tmp_path):

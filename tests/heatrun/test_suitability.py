@@ -47,6 +47,11 @@ ANSWERS = {
         [Finding("no_heating", "warning", "Falls.", "t", values=TAUS)],
         "This record gives time constants only: 36.8 s and 1040 s. Heat capacities and "
         "resistances need a test under load beside it."),
+    "nothing of the slow constant": (
+        [Finding("too_short", "warning", "Short.", "t",
+                 values={"fast_from_s": 31.63, "fast_to_s": 140.3})],
+        "This record tells the fast time constant of the winding alone (31.6 to 140 s) and leaves "
+        "the slow one open: Ceq_sr and Req_sr need a longer test beside it."),
     "a unit in doubt": (
         warned("unit_suspected", "nan_block"),
         "To be cleared up first: a column may be in another unit (unit_suspected). Then this "

@@ -34,6 +34,10 @@ MARKER_TOLERANCE = 1e-6
 BEYOND = 2.5
 """Factor over all else of a channel [1] from which a few samples are looked at."""
 
+MARKED = 1.2
+"""Factor [1] that does for the value of a marker in a current, and for its copper loss over the
+recorded losses: chance does not hit both."""
+
 FEW = 0.02
 """Share of the samples [1] that are a few."""
 
@@ -69,6 +73,9 @@ def load_spike(record: Record, motor: Motor) -> Iterator[Finding]:
             continue  # what follows from a column says the same
         time_s, values = samples(record, name)
         is_far, rest = _beyond(values)
+        is_near = not is_far.any()
+        if is_near and CHANNEL[name].quantity == "phase current":
+            is_far, rest = _beyond(values, MARKED)
         if not is_far.any():
             continue
         first, past = runs(is_far)
@@ -76,10 +83,12 @@ def load_spike(record: Record, motor: Motor) -> Iterator[Finding]:
         largest = float(values[np.argmax(np.abs(values))])
         unit = find_unit(read[name].unit, CHANNEL[name].quantity) if name in read else None
         why = [_marker(largest / (unit.factor if unit else 1.0))]
-        if _is_steady(values, first, past, rest) or why[0]:
+        if is_near:
+            why += [_contradiction(record, motor, name, spans, MARKED)] if why[0] else []
+        elif _is_steady(values, first, past, rest) or why[0]:
             why += [_contradiction(record, motor, name, spans), _unshown(record, motor, spans)]
         why = [each for each in why if each]
-        if not why:
+        if len(why) < 1 + is_near:
             continue
         step_s = float(np.median(np.diff(time_s)))
         lasts_s = float(np.sum(past - first)) * step_s
@@ -106,10 +115,10 @@ def spike_windows(record: Record, finding: Finding) -> list[tuple[float, float]]
     """Return the windows [s] of a finding of `load_spike`."""
     name = finding.where.split(", ")[-2]
     time_s, values = samples(record, name)
-    return windows(time_s, _beyond(values)[0])
+    return windows(time_s, _beyond(values, min(BEYOND, finding.values["times_the_next"] or 0.0))[0])
 
 
-def _beyond(values: np.ndarray) -> tuple[np.ndarray, float]:
+def _beyond(values: np.ndarray, factor: float = BEYOND) -> tuple[np.ndarray, float]:
     """Return where few samples lie far beyond all others, and the largest of those."""
     size = np.abs(values)
     ranked = np.sort(size)
@@ -118,7 +127,7 @@ def _beyond(values: np.ndarray) -> tuple[np.ndarray, float]:
         return np.zeros(values.size, dtype=bool), 0.0
     ratios = tail[1:] / np.maximum(tail[:-1], 1e-3 * tail[-1])
     at = int(np.argmax(ratios))
-    if ratios[at] < BEYOND or not np.all(is_measured(values)):
+    if ratios[at] < factor or not np.all(is_measured(values)):
         return np.zeros(values.size, dtype=bool), 0.0
     return size > tail[at], float(tail[at])
 
@@ -145,7 +154,11 @@ def _marker(value: float) -> str:
 
 
 def _contradiction(
-    record: Record, motor: Motor, name: str, spans: list[tuple[float, float]]
+    record: Record,
+    motor: Motor,
+    name: str,
+    spans: list[tuple[float, float]],
+    least: float = CONTRADICTION,
 ) -> str:
     """Return what another channel says against a burst, empty if none does.
 
@@ -167,7 +180,7 @@ def _contradiction(
     elif quantity == "phase current" and motor.losses == "balance" and motor.phase_resistance_ohm:
         copper = float(np.median(motor.copper_loss_W(current, winding)[inside]))
         total = float(np.median(losses[inside]))
-        if copper > CONTRADICTION * max(total, 1e-12):
+        if copper > least * max(total, 1e-12):
             return f"its copper loss is {rounded(copper)} W, the recorded losses {rounded(total)} W"
     return ""
 

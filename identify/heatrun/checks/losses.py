@@ -268,6 +268,10 @@ HOLDS = 0.9
 SPREAD = 0.15
 """Standard deviation of the logarithm of that ratio [1]; losses of a machine go with its square."""
 
+LEAST_COPPER = 0.15
+"""Copper loss over the losses at the highest currents [1] below which these may be the input of a
+machine whose shaft is not recorded: iron and friction make no six times of it there."""
+
 MOST_COPPER = 0.5
 """Copper loss over such losses [1] above which they may be losses all the same."""
 
@@ -280,7 +284,11 @@ def losses_of_shaft(record: Record, motor: Motor) -> Iterator[Finding]:
     """
     shaft = recorded_shaft_power(record.channels) if motor.losses == "balance" else None
     reading = next((one for one in record.mapping if one.channel == "losses_W"), None)
-    if shaft is None or reading is None or reading.unit_from == "derived":
+    if reading is None or reading.unit_from == "derived":
+        return
+    line = f'"{reading.column}" under [columns]'
+    if shaft is None:
+        yield from _far_above_copper(record, motor, line)
         return
     channels = {**record.channels, "mechanical_power_W": np.abs(shaft)}
     time_s, losses, power = samples(
@@ -303,7 +311,6 @@ def losses_of_shaft(record: Record, motor: Motor) -> Iterator[Finding]:
     typical = float(np.median(ratio))
     is_output = float(np.quantile(np.abs(ratio - 1.0), HOLDS)) < SAME_POWER
     is_varied = float(np.ptp(power[is_driven])) > 0.3 * float(np.max(power))
-    line = f'"{reading.column}" under [columns]'
     yield Finding(
         "losses_of_shaft",
         "error" if is_varied and copper is not None else "warning",
@@ -320,4 +327,27 @@ def losses_of_shaft(record: Record, motor: Motor) -> Iterator[Finding]:
         else f"Write electrical_power_W = {line} in place of losses_W: the losses are then "
         "what the shaft does not take.",
         values={"ratio": typical, "is_output": float(is_output)},
+    )
+
+
+def _far_above_copper(record: Record, motor: Motor, line: str) -> Iterator[Finding]:
+    """Report losses beside which the copper loss is next to nothing at the highest current."""
+    time_s, copper, total = _copper_and_total(record, motor)
+    speed = samples(record, "speed_rpm")[1]
+    if time_s.size < 6 or (speed.size and np.max(np.abs(speed)) < STANDSTILL_RPM):
+        return
+    is_high = copper > 0.8 * np.max(copper)
+    share = copper[is_high] / np.maximum(total[is_high], 1e-12)
+    if np.max(copper) <= 0.0 or np.median(share) > LEAST_COPPER or np.max(share) > MOST_COPPER:
+        return
+    yield Finding(
+        "losses_of_shaft",
+        "warning",
+        f"Expected losses; at the highest currents losses_W is {np.median(total[is_high]):.3g} W, "
+        f"{1.0 / np.median(share):.2g} times the copper loss: it may be the input power, of which "
+        "the shaft takes the most.",
+        place(record, "losses_W", float(time_s[0]), float(time_s[-1])),
+        f"If so, write electrical_power_W = {line} in place of losses_W, and record torque_Nm and "
+        "speed_rpm; if not, check phase_resistance_ohm and the unit of the current.",
+        values={"copper_share": float(np.median(share))},
     )

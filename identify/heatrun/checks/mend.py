@@ -34,7 +34,7 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
         span = (-np.inf if from_s is None else from_s, np.inf if to_s is None else to_s)
         values[within(record.time_s, [span])] *= finding.values["factor"] or 1.0
         return replace(record, channels={**record.channels, channel: values}), motor
-    if finding.id == "losses_of_shaft":
+    if finding.id == "losses_of_shaft" and "ratio" in finding.values:
         rest = {name: column for name, column in record.channels.items() if name != "losses_W"}
         shaft = recorded_shaft_power(rest)
         if shaft is not None and not finding.values["is_output"]:

@@ -89,14 +89,24 @@ def suitability(
             "test under load beside it.",
         )
     weak = [words for id, words in WEAK.items() if id in warnings]
+    answer = f"This record will do for {aim}"
+    short = next((one.values for one in findings if "fast_from_s" in one.values), None)
+    if short is not None:
+        ends = dict.fromkeys(rounded(short[name] or 0.0) for name in ("fast_from_s", "fast_to_s"))
+        answer = (
+            f"This record tells the fast time constant of the winding alone ({' to '.join(ends)} "
+            "s) and leaves the slow one open: Ceq_sr and Req_sr need a longer test beside it"
+        )
+        weak.remove(WEAK["too_short"])
     others = sorted(warnings - set(WEAK) - set(DOUBTS))
     doubtful = doubts(findings)
     told = [f"{words} ({', '.join(ids)})" for words, ids in doubtful.items()]
     if SIMULATED in warnings:
         return Suitability(test, False, f"This record will not do for {aim}: {told[0]}.")
-    sentence = f"This record will do for {aim}"
+    sentence = answer
     if told:
-        sentence = f"To be cleared up first: {', '.join(told)}. Then this record will do for {aim}"
+        then = f"{answer[:1].lower()}{answer[1:]}"
+        sentence = f"To be cleared up first: {', '.join(told)}. Then {then}"
     if weak:
         sentence += f", with wide intervals: {' and '.join(weak)}"
     if others:

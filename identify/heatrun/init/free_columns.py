@@ -343,7 +343,7 @@ def with_evidence(
     }
     loads = [one for name in LOADS for one in by_channel.get(name, {}).items()]
     is_turning = any(np.nan_to_num(known[name]).any() for name in TURNING if name in known)
-    return tuple(
+    found = tuple(
         _looked_at(
             one,
             values.get(one.name),
@@ -354,6 +354,19 @@ def with_evidence(
         )
         for one in free
     )
+    has_phases = len(by_channel.get("phase_current_A", {})) >= 3
+    return tuple(map(_of_analyser, found)) if has_phases else found
+
+
+def _of_analyser(column: FreeColumn) -> FreeColumn:
+    """Return a column whose plain power is no losses: beside each phase stands what goes in."""
+    plain = {one.channel for one in column.proposals if not one.is_likely}
+    words = "is a plain power beside the currents of three phases: the input, not the losses"
+    goes_in = Evidence(True, words, is_alone=True)
+    said = {"losses_W": Evidence(False, words), "electrical_power_W": goes_in}
+    if column.evidence or not said.keys() <= plain:
+        return column
+    return replace(column, evidence=said)
 
 
 def _converted(values: np.ndarray, channel: str, symbol: str) -> np.ndarray:

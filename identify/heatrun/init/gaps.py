@@ -597,8 +597,16 @@ def _channel(name: str, wanted: Mapping[str, str], tests: Mapping[str, Sequence[
         sentence = " ".join((*silent, sentence[:1].upper() + sentence[1:]))
     number = NUMBERS.get(name, "")
     if name == "phase_current_A" and not candidates and not silent:
-        number = "0.0"
-        sentence += " Write 0 where no current heats, and calibrate --model first."
+        direct = [each.column for one in surveys for each in one.recognised
+                  if each.channel == "dc_current_A"]  # fmt: skip
+        direct += [each.columns[0] for one in surveys for each in _candidates("dc_current_A", one)]
+        number = "" if direct else "0.0"
+        sentence += (
+            f" Where the direct current in '{flat(direct[0])}' heats the coil itself, write that "
+            "column here in place of dc_current_A, and phases = 1 under [motor]."
+            if direct
+            else " Write 0 where no current heats, and calibrate --model first."
+        )
     if not any(one.candidate.is_likely for one in firsts) and name in ZERO and formula:
         number, candidates, each = "0.0", {}, {}
         sentence += f" No column holds it: 0 {ZERO[name]}."

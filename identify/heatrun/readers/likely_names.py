@@ -26,13 +26,14 @@ MEANINGS: dict[str, str] = {
     "temperature": "temp temperature temperatures temperatur temperaturen temperatura temps tmp "
     "tc 温度 温 溫度 溫 thermistor ntc ptc kty thermocouple thermal",
     "time": "time times zeit zeitstempel uhrzeit tempo temps tiempo elapsed clock timestamp "
-    "timestamps stamp datetime date datum ora heure hora fecha today 時間 時刻 日時 経過 时间 日期",
+    "timestamps stamp datetime date datum ora heure hora czas fecha today "
+    "時間 時刻 日時 経過 时间 日期",
     "current": "current currents curr cur strom strome stroeme corrente corrent courant corriente "
-    "amp amps ampere intensidad 電流 电流",
+    "amp amps ampere intensidad prad 電流 电流",
     "voltage": "voltage volt volts spannung tensione tension voltaje 電圧 电压 電壓",
-    "power": "power pwr watt watts leistung potenza puissance potencia 電力 功率",
+    "power": "power pwr watt watts leistung potenza puissance potencia moc psum 電力 功率",
     "speed": "speed spd drehzahl drehz velocita vitesse velocidad velocity vel rpm omega giri "
-    "tours regime revs geschwindigkeit 回転数 回転速度 转速 轉速 速度",
+    "tours regime revs predkosc obr geschwindigkeit 回転数 回転速度 转速 轉速 速度",
     "torque": "torque torq trq tq drehmoment drehmom moment coppia couple par momento トルク "
     "转矩 扭矩 轉矩",
     "flow": "flow durchfluss durchfl volumenstrom portata debit caudal 流量",
@@ -55,14 +56,15 @@ MEANINGS: dict[str, str] = {
     # where
     "winding": "winding windings wdg wndg wnd wickl wicklung wicklungen spule coil coils avv "
     "avvolgimento avvolgimenti avvolg bobina bobine bobinage enroulement enroul devanado "
-    "bobinado arrollamiento copper kupfer rame cuivre cobre hotspot hot_spot slot 巻線 巻き線 捲線 "
-    "コイル 绕组 繞組 线圈 線圈",
+    "bobinado arrollamiento uzwojenie uzwojenia copper kupfer rame cuivre cobre "
+    "hotspot hot_spot slot 巻線 巻き線 捲線 コイル 绕组 繞組 线圈 線圈",
     "winding_short": "sw cu nut wind wck wckl windg",
     "end_winding": "endwinding end_winding endwdg end_wdg end_turn winding_head wickelkopf "
     "wickelkopfe wickelkoepfe overhang testata tete_de_bobine コイルエンド 端部绕组",
     "ambient": "ambient amb room raum environment environ environnement umgebung umgebungs umgeb "
-    "umg umluft luft air aria ambiente ambiante ambiance stanza sala piece lab labor laboratorio "
-    "hall halle aussen outside outdoor env 室温 室溫 周囲 外気 雰囲気 环境 環境 室内 气温 気温",
+    "umg umluft luft air aria ambiente ambiante ambiance otoczenie otoczenia stanza sala "
+    "piece lab labor laboratorio hall halle aussen outside outdoor env "
+    "室温 室溫 周囲 外気 雰囲気 环境 環境 室内 气温 気温",
     "coolant": "coolant cool cooling kuhlmittel kuhlwasser kuehlmittel kuehlwasser kuhl kuehl "
     "water wasser acqua eau agua refrigerant refrigerante refroidissement raffreddamento glycol "
     "glykol oil ol oel olio huile aceite 冷却 冷却水 冷却液 水 水温 水溫 油 油温",
@@ -90,15 +92,15 @@ MEANINGS: dict[str, str] = {
     "phase": "phase phases phasen fase fases strang str ph phs phse rms line 相 線",
     "electrical": "el elec elek elect electric electrical elektrisch elektrische elektr elettrica "
     "elettrici elettriche elettrico electrique electrica active wirk attiva sigma σ "
-    "terminal 電気 电气 有効 有功",
+    "terminal 123 sum psum 電気 电气 有効 有功",
     "input": "in input eingang eingangs aufgenommen aufgenommene aufnahme assorbita absorbee "
-    "absorbida entrada ingresso 入力 输入",
+    "absorbida entrada ingresso pobrana pobierana 入力 输入",
     "mechanical": "mech mechanical mechanisch mechanische meccanica meccanico mecanique mecanica "
     "shaft welle wellen albero arbre abgabe abgegeben abgegebene 機械 机械 軸 轴",
     "direct": "dc bus vbus batt battery bat batterie batteria bateria link zwischenkreis zk supply "
     "netzteil versorgung 直流 母线 電池 电池 バッテリ",
     "loss": "loss losses verlust verluste perdita perdite perte pertes perdida perdidas dissip "
-    "dissipation dissipated verl perd 損失 损耗 损失 損耗",
+    "dissipation dissipated verl perd straty strat 損失 损耗 损失 損耗",
     "part": "iron eisen ferro fer fe copper kupfer cu rame cuivre friction reibung",
     "d": "d_axis direct_axis d軸",
     "q": "q_axis quadrature_axis q軸",
