@@ -41,7 +41,7 @@ from .results.model import DescribedTest, FitResult, FittedModel
 from .results.values import Role
 from .runs.result import assemble, describe_model, describe_test
 from .runs.run_folder import RunFolder, environment
-from .work import SILENT, Work
+from .work import SILENT, USUAL_MCMC_S, Work
 
 Method = Literal["emcee", "quick"]
 
@@ -246,6 +246,8 @@ def calibrate(
         work.done((name, "missing"), f"{model.title}: sampling the posterior")
 
         def report(sentence: str, share: float) -> None:
+            if share == 0.0:
+                return work.replan((name, "sample"), USUAL_MCMC_S, f"{model.title}: {sentence}")
             # averaging over effects that may be missing comes after it
             work.at((name, "sample"), f"{model.title}: {sentence}", 0.9 * share)
 
