@@ -246,10 +246,11 @@ def calibrate(
         work.done((name, "missing"), f"{model.title}: sampling the posterior")
 
         def report(sentence: str, share: float) -> None:
+            part, words = (name, "sample"), f"{model.title}: {sentence}"
             if share == 0.0:
-                return work.replan((name, "sample"), USUAL_MCMC_S, f"{model.title}: {sentence}")
-            # averaging over effects that may be missing comes after it
-            work.at((name, "sample"), f"{model.title}: {sentence}", 0.9 * share)
+                work.replan(part, USUAL_MCMC_S, words)
+            else:  # averaging over effects that may be missing comes after it
+                work.at(part, words, 0.9 * share)
 
         begun = time.monotonic()
         behind = last.log_evidence - found.log_evidence
