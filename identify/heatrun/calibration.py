@@ -41,7 +41,7 @@ from .results.model import DescribedTest, FitResult, FittedModel
 from .results.values import Role
 from .runs.result import assemble, describe_model, describe_test
 from .runs.run_folder import RunFolder, environment
-from .work import SILENT, Work
+from .work import SILENT, USUAL_MCMC_S, Work
 
 Method = Literal["emcee", "quick"]
 
@@ -246,8 +246,11 @@ def calibrate(
         work.done((name, "missing"), f"{model.title}: sampling the posterior")
 
         def report(sentence: str, share: float) -> None:
-            # averaging over effects that may be missing comes after it
-            work.at((name, "sample"), f"{model.title}: {sentence}", 0.9 * share)
+            part, words = (name, "sample"), f"{model.title}: {sentence}"
+            if share == 0.0:
+                work.replan(part, USUAL_MCMC_S, words)
+            else:  # averaging over effects that may be missing comes after it
+                work.at(part, words, 0.9 * share)
 
         begun = time.monotonic()
         behind = last.log_evidence - found.log_evidence

@@ -16,6 +16,8 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
+from .io.caches import has_programs
+
 Progress = Callable[[str, float], None]
 """Called with a sentence and the share done [1]; 1 means done."""
 
@@ -24,6 +26,9 @@ TRUST_S = 5.0
 
 MOST_BEFORE_DONE = 0.99
 """Share [1] that is said at most while anything is left to do."""
+
+USUAL_MCMC_S = 60.0
+"""Usual time [s] of the MCMC that takes the place of a quick posterior."""
 
 TICK_S = 1.0
 """Time [s] after which the time left is told again though nothing has happened."""
@@ -59,6 +64,8 @@ class _Part:
             return (1.0 - self.share) * whole
         own = self.told_s - self.begun_s
         left = (1.0 - self.share) * (own + (1.0 - self.share) * whole)
+        if self.share > 0.0 and own > 2.0 * self.usual_s:  # that is refuted: its own pace counts
+            left = max(left, own * (1.0 / self.share - 1.0))
         return left**2 / (left + now_s - self.told_s)
 
 
@@ -73,6 +80,7 @@ class Work:
         usual_s: Usual time of each part [s], those of a row in order.
         progress: Told a sentence with the time left, and the share done; None for nobody.
         clock: Gives the time [s].
+        is_first: Programs are yet to be compiled: no time is promised.
     """
 
     def __init__(
@@ -80,9 +88,11 @@ class Work:
         usual_s: Mapping[Hashable, float],
         progress: Progress | None = None,
         clock: Callable[[], float] = time.monotonic,
+        *,
+        is_first: bool = False,
     ) -> None:
         self._parts = {part: _Part(usual) for part, usual in usual_s.items()}
-        self._progress, self._clock = progress, clock
+        self._progress, self._clock, self._is_first = progress, clock, is_first
         self._begun_s = self._told_s = clock()
         self._sentence, self._share = "", 0.0
         self._lock, self._is_over = threading.Lock(), threading.Event()
@@ -120,6 +130,24 @@ class Work:
                     break
                 self._parts[other].tell(now, 1.0)
             self._parts[part].tell(now, share)
+            self._sentence = sentence
+            self._tell()
+
+    def replan(self, part: Hashable, usual_s: float, sentence: str) -> None:
+        """Begin a part anew that takes another way: the share said goes back to what has gone by.
+
+        Args:
+            part: The part.
+            usual_s: Time that the other way usually takes [s].
+            sentence: As `at`.
+        """
+        if self._progress is None:
+            return
+        with self._lock:
+            now = self._clock()
+            self._parts[part] = _Part(usual_s, begun_s=now, told_s=now)
+            gone = now - self._begun_s
+            self._share = min(self._share, gone / (gone + self.left_s()))
             self._sentence = sentence
             self._tell()
 
@@ -185,6 +213,8 @@ class Work:
             is_known = any(part.share == 1.0 for part in self._parts.values())
             if is_known or now - self._begun_s > usual:
                 time_s = f"about {in_words(left)} left"
+            elif self._is_first:
+                time_s = "the first run compiles its programs, which takes minutes"
             else:  # how fast this machine is with these tests has yet to show
                 time_s = f"usually {in_words(usual)} in all"
             self._progress(f"{self._sentence}; {time_s}", min(self._share, MOST_BEFORE_DONE))
@@ -232,11 +262,13 @@ def work_of_calibration(
         parts |= {(name, "missing"): 6.0 + 5.0 * num_tests if is_last else 0.1}
         parts |= {(name, "sample"): 5.0 if method == "quick" else 25.0}
         parts |= {(name, "predict"): 2.0 + 2.0 * num_tests}
-    return Work({**parts, "reduction": 0.5 * num_tests, "writing": 3.0 + 1.5 * num_tests}, progress)
+    parts |= {"reduction": 0.5 * num_tests, "writing": 3.0 + 1.5 * num_tests}
+    return Work(parts, progress, is_first=not has_programs())
 
 
 def work_of_discovery(network: str, num_tests: int, method: str, progress: Progress | None) -> Work:
     """Return the parts of a discovery; arguments as `work_of_calibration`."""
     usual = work_of_calibration([network], num_tests, method, None).usual_s
     writing = usual.pop("writing")
-    return Work({**usual, "where": 3.0 + 2.0 * num_tests, "writing": writing}, progress)
+    usual |= {"where": 3.0 + 2.0 * num_tests, "writing": writing}
+    return Work(usual, progress, is_first=not has_programs())

@@ -13,7 +13,7 @@ from heatrun.model.model import Model
 from heatrun.model.problem import NUM_NOISE, Problem, log_posterior_batch
 from heatrun.posterior import ensemble as ensemble_run
 from heatrun.posterior import posterior as posterior_module
-from heatrun.posterior.convergence import FULL, judge
+from heatrun.posterior.convergence import FULL, Convergence, judge
 from heatrun.posterior.identifiability import forecast
 from heatrun.posterior.posterior import normal_draws, sample
 from heatrun.posterior.predict import predict
@@ -193,6 +193,28 @@ def test_groups_carry_units_and_survive_the_file(posterior, tmp_path):
     assert "Ceq_w" in archive.as_arviz(archive.groups(posterior)).posterior
 
 
+def test_a_heavy_tail_of_the_weights_leaves_the_proposal_among_the_moves(posterior):
+    """Along a thin bent sheet evolution alone takes no step that is accepted (a cool-down whose
+    heat is not known: 12,500 steps were forgotten no more than 128 times)."""
+    heavy = replace(posterior.weighted, pareto_k=1.3)
+    few = np.full(heavy.weights.size, 1e-9)
+    few[:100] = 0.01
+    moves, without = (ensemble_run._moves(each) for each in (heavy, replace(heavy, weights=few)))
+    assert len(moves) == len(without) + 1
+    assert sum(share for _, share in moves) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("autocorrelation", "num_steps", "steps", "planned"),
+    [(99.0, 1000, 2000, 2000), (790.0, 1000, 9000, 6000), (400.0, 1000, 1250, 3000)],
+)
+def test_steps_are_told_only_once_walkers_have_forgotten(
+    autocorrelation, num_steps, steps, planned
+):
+    seen = Convergence(800, autocorrelation, 100.0, 100.0, 1.1, 0.0)
+    assert posterior_module._planned(seen, num_steps, steps, 12_000) == planned
+
+
 @pytest.mark.slow
 def test_draws_from_a_proposal_that_is_off_are_accepted_as_the_posterior_wants(
     fitted, whole_posterior, monkeypatch
@@ -237,6 +259,7 @@ def test_weighted_draws_that_cannot_be_trusted_give_way_to_the_ensemble_which_sa
     assert 6.0 * asked.convergence.autocorrelation > 160
     assert "With `--quick`, MCMC took the place of importance sampling" in asked.sentence()
     assert f"Pareto k {asked.weighted.pareto_k:.2f}" in asked.sentence()
+    assert told.pop(0).endswith("MCMC instead: the first steps")  # the plan is made anew
     assert told
     assert all("importance sampling is not reliable here" in sentence for sentence in told)
     counts = [re.search(r"(\d+) of about (\d+) steps", sentence).groups() for sentence in told]

@@ -15,6 +15,7 @@ from heatrun import cli
 from heatrun.calibration import Settings
 from heatrun.commands.console import PROGRESS
 from heatrun.errors import InputError
+from heatrun.io.caches import PROGRAM, PROGRAMS_FOLDER
 from heatrun.io.whole_files import free_name, numbered
 from heatrun.jobs import calibrate as jobs
 from heatrun.motor.file import load_motor
@@ -228,6 +229,35 @@ def test_what_is_left_moves_while_nobody_tells_anything():
     # fifteen times as long as usual: so will be what comes after it
     assert lefts[-1] > 5.0 * 290.0 / 20.0
     assert shares[-1] < 1.0
+
+
+def test_a_part_that_takes_another_way_is_planned_anew():
+    clock = Clock()
+    work, said = told({"fit": 30.0, "sample": 5.0, "write": 3.0}, clock)
+    work.at("fit", "fitting")
+    clock.now = 30.0
+    work.done("fit", "fitted")
+    for clock.now in range(31, 60):
+        work.at("sample", "importance sampling")
+    assert said[-1][1] > 0.85
+    work.replan("sample", 60.0, "MCMC instead")
+    assert said[-1][1] < 0.6
+    for clock.now in range(70, 210, 10):  # the steps take five times as long as was planned
+        work.at("sample", "MCMC", (clock.now - 60.0) / 300.0)
+    # half of it is done: as much is left
+    assert work.left_s() == pytest.approx(150.0, rel=0.2)
+    assert 0.5 < said[-1][1] < 0.85
+
+
+def test_where_nothing_was_compiled_before_no_time_is_promised(tmp_path, monkeypatch):
+    monkeypatch.setenv(PROGRAMS_FOLDER, str(tmp_path))
+    said = []
+    for _ in range(2):
+        work = work_of_calibration(["first"], 1, "quick", lambda *words: said.append(words[0]))
+        work.at(("first", "fit"), "least squares")
+        (tmp_path / f"fit{PROGRAM}").touch()
+    assert said[0] == "least squares; the first run compiles its programs, which takes minutes"
+    assert said[1].startswith("least squares; usually")
 
 
 def test_networks_go_on_beside_each_other_and_what_comes_last_behind_them():

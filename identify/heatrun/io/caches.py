@@ -168,6 +168,12 @@ def use_caches(say: Callable[[str], None]) -> None:
             keep_below(Path(ours), MOST_BYTES)
 
 
+def has_programs() -> bool:
+    """Whether any program is kept, so that not all is to be compiled."""
+    folder = os.environ.get(PROGRAMS_FOLDER)
+    return folder is not None and any(Path(folder).glob(f"*{PROGRAM}"))
+
+
 def keep_below(folder: Path, most_bytes: int) -> None:
     """Remove the programs that were used longest ago until the others take at most so much.
 

@@ -258,7 +258,8 @@ def _moves(weighted: Weighted) -> list[tuple[emcee.moves.Move, float]]:
         drawn = proposal.draw(coordinates.shape[0], rng)
         return drawn.vectors, proposal.log_density(coordinates) - drawn.log_density
 
-    share_anew = SHARE_ANEW if isinstance(proposal, Proposal) else SHARE_FOLLOWED
+    is_costly = weighted.is_sound and not isinstance(proposal, Proposal)
+    share_anew = SHARE_FOLLOWED if is_costly else SHARE_ANEW
     rest = 1.0 - SHARE_OF_NOISE - share_anew
     usual = [(move, rest * share) for move, share in evolution()]
     return [*usual, (noise, SHARE_OF_NOISE), (emcee.moves.MHMove(anew), share_anew)]

@@ -35,6 +35,13 @@ MOST_STEPS = 24_000
 """Steps of an ensemble after which it is given up, with a verdict that says so. After half of them
 it is, where the autocorrelation time says that the other half would not do."""
 
+MOST_QUICK = 12_000
+"""The same with `--quick`: who asks for it does not wait for the rest."""
+
+FORGOTTEN_ONCE, FORGOTTEN = 1.3, 3.0
+"""Autocorrelation times in as many steps below which walkers still stand where they began, and
+below which the time is told too short: the steps that are left are not known from it [1]."""
+
 LONG = 3000
 """Steps of an ensemble from which on importance samples stand in for it, where they are reliable
 and agree with it: three tests of several loggers take 4000 and more, one test 1000 to 2500."""
@@ -187,7 +194,8 @@ def sample(
             of half the effective sample size.
         seed: Random seed.
         folder: Where checkpoints are written and taken up again; None for none.
-        progress: Called with a sentence and the share done.
+        progress: Called with a sentence and the share done; with a share of 0 where MCMC takes the
+            place of importance sampling that was to be enough.
         most_steps: Steps of an ensemble after which it is given up; after half of them where all
             would not do.
     """
@@ -206,6 +214,10 @@ def sample(
         Ensemble.begin(fit, weighted, num_walkers, index, seed, folder)
         for index in range(NUM_ENSEMBLES)
     ]
+    if is_quick:
+        most_steps = min(most_steps, MOST_QUICK)
+        if progress is not None:
+            progress(f"{instead}the first steps", 0.0)
     num_steps, followed = 0, weighted if is_quick else None
     while True:
         chunks = max(1, int(LOOK_AGAIN * num_steps / CHUNK))
@@ -225,12 +237,23 @@ def sample(
             if followed.is_sound and is_one_law(chains, followed.vectors, followed.weights):
                 return replace(_of_weighted(fit, followed, seed), spared=steps)
         if progress is not None:
-            progress(f"{instead}{num_steps} of about {steps} steps", num_steps / steps)
+            planned = _planned(convergence, num_steps, steps, most_steps)
+            progress(f"{instead}{num_steps} of about {planned} steps", num_steps / planned)
         least_steps = wanted.times * convergence.autocorrelation / (1.0 - BURN_IN)
         if num_steps >= most_steps // 2 and least_steps > most_steps:
             break
     density = np.stack([ensemble.density()[drop:] for ensemble in ensembles])
     return Posterior(fit, keep(chains), keep(density), "emcee", weighted, convergence, is_quick)
+
+
+def _planned(convergence: Convergence, num_steps: int, steps: int, most_steps: int) -> int:
+    """Return the steps that are told to be needed [1]: so many `steps` by the autocorrelation time,
+    or what is usual or the most as long as that cannot be told.
+    """
+    forgotten = convergence.num_steps / convergence.autocorrelation
+    if forgotten < FORGOTTEN_ONCE and num_steps < most_steps // 2:
+        return most_steps // 2
+    return min(max(steps, LONG), most_steps) if forgotten < FORGOTTEN else steps
 
 
 def keep(draws: Float[np.ndarray, "ensemble step walker ..."]) -> np.ndarray:

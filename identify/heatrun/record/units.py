@@ -81,7 +81,7 @@ def _per(first: Iterable[str], last: Iterable[str]) -> tuple[str, ...]:
 LITRE = ("L", "l", "litre", "litres", "liter", "liters", "Ltr")
 
 REVOLUTION = ("rev", "revs", "revolutions", "turns", "Umdrehungen", "Umdr.", "giri", "tours", "tr",
-              "U", "r")  # fmt: skip
+              "U", "r", "obr", "ot")  # fmt: skip
 
 QUANTITIES: dict[str, tuple[Unit, ...]] = {
     "time": (

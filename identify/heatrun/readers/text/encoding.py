@@ -29,9 +29,14 @@ LATIN = re.compile(
 )
 JAPANESE = re.compile(r"[\u3041-\u30fe]|[\uff66-\uff9f]{2,}")
 SIGNS = re.compile(r"[\u2103\u00b0\u03a9\u03bc\u00b5\u3001-\u3011\uff01-\uff5e\uff9f\u30fb]")
+CENTRAL = re.compile(
+    r"(?<![^\x00-\x7f])[ąćęłńóśźżčďěňřšťůžáéíýúäöüőűâăîđß]{1,3}(?![^\x00-\x7f])|[°µ·×]",
+    re.IGNORECASE,
+)
 CYRILLIC = re.compile(r"[\u0410-\u044f]{2,}|\u00b0")
 ENCODINGS: tuple[tuple[str, str, re.Pattern[str], bytes], ...] = (
     ("Windows-1252", "cp1252", LATIN, b""),
+    ("Windows-1250", "cp1250", CENTRAL, b""),
     ("Shift-JIS", "cp932", JAPANESE, rb"[\x88-\x97][\x40-\xfc]"),
     ("EUC-KR", "cp949", SIGNS, rb"[\xb0-\xc8][\xa1-\xfe]"),
     ("GB18030", "gb18030", SIGNS, rb"[\xb0-\xd7][\xa1-\xfe]"),
@@ -53,7 +58,9 @@ BENCH_WORDS = frozenset(
      "时间", "日期", "溫度", "環境", "繞組", "電流", "電壓", "轉速", "轉矩", "時間", "周囲",
      "外気", "巻線", "電圧", "電力", "損失", "回転数", "時刻", "日時", "日付", "온도", "주위",
      "권선", "전류", "전압", "전력", "손실", "속도", "회전수", "토크", "시간", "날짜", "время",
-     "температура", "ток", "мощность", "обмотка", "среда", "потери", "скорость", "дата")
+     "температура", "ток", "мощность", "обмотка", "среда", "потери", "скорость", "дата",
+     "čas", "napětí", "idő", "prąd", "napięcie", "prędkość", "otáčky", "příkon", "výkon",
+     "vinutí", "okolí", "sebesség", "hőmérséklet", "áram")
 )  # fmt: skip
 """Words that stand over columns."""
 
