@@ -84,9 +84,8 @@ fourth order then errs by 0.02^4/120, some 1e-9 of a change."""
 MOST_PARTS = 1000
 """More parts than this cost a drive too much."""
 
-MOST_STATES = 14
-"""States of an observer in less than 1 kB: 14 x 15 / 2 numbers of 8 bytes, and what goes with
-them."""
+MOST_BYTES = 1024
+"""The state of an observer stays below this."""
 
 VECTOR_S = 7200.0
 """Length of the vectors at most [s]."""
@@ -231,9 +230,15 @@ class CSource:
         return self.lag_s > 0.0 or int(np.count_nonzero(self.reading)) > 1
 
     @property
+    def state_bytes(self) -> int:
+        """Size of an observer in double [bytes]: `heatrun_observer` of the template."""
+        nodes, heats, num = len(self.nodes), len(self.heated), self.num_states
+        return 8 * (2 * nodes + heats + self.is_apart + num * (num + 1) // 2 + 13) + 4 * 6
+
+    @property
     def has_observer(self) -> bool:
         """Whether an observer fits into 1 kB."""
-        return self.num_states <= MOST_STATES
+        return self.state_bytes < MOST_BYTES
 
     @property
     def num_vectors(self) -> int:
@@ -258,9 +263,16 @@ class CSource:
             "max_speed": _limit(2.0, speed, found["rated_speed_rpm"]),
         }
 
-    def texts(self) -> dict[str, bytes]:
-        """Return header, source and harness by file name."""
-        filled = {**self._header(), **self._tables(), **self._observer()}
+    def texts(self, said: Iterable[tuple[str, str, tuple[float, float]]] = ()) -> dict[str, bytes]:
+        """Return header, source and harness by file name.
+
+        Args:
+            said: Name in the run, member and 95 % interval of the parameters, for a comment.
+        """
+        lines = [f" *     {member:30} {low:.6g} to {high:.6g}  {in_comment(name)}\n"
+                 for name, member, (low, high) in said]  # fmt: skip
+        intervals = "".join(["/* 95 % intervals of the run\n", *lines, " */\n\n"] if lines else [])
+        filled = {**self._header(), **self._tables(), **self._observer(), "intervals": intervals}
         observer = {
             ending: filled_template(f"observer.{ending}", filled) if self.has_observer else ""
             for ending in "hc"
@@ -390,6 +402,9 @@ class CSource:
         keep = math.exp(-self.step / self.lag_s) if self.lag_s else 0.0
         lightest = min(np.atleast_1d(found["capacitance"])[self.heated])
         missed, white = self.missed, self.missed.reading(self.step)
+        rate = _rates(found)[sensed]
+        W_per_K = rate * np.atleast_1d(found["capacitance"])[sensed]
+        heat_W, heat_s = missed.heat_W(losses, float(W_per_K), float(1.0 / rate))
         return {
             "num_heats": str(len(self.heated)),
             "heated": ", ".join(map(str, self.heated)),
@@ -403,13 +418,13 @@ class CSource:
             "lag_mean": repr(self.lag_s / self.step * (1.0 - keep)),
             "sensor_sd": f"{missed.sensor_K:.6g}",
             "stuck": f"{LEAST_STUCK_K + 4.0 * math.hypot(white, missed.slow_K):.4g}",
-            "heat_sd": repr(missed.heat * losses),
+            "heat_sd": repr(heat_W),
             "sink_sd": repr(missed.sink_K),
             "share_sd": repr(missed.share),
             "losses_sd": repr(missed.losses),
             "answer_sd": repr(missed.answer),
-            "answer_decay": repr(math.exp(-self.step * _rates(found)[sensed])),
-            "heat_decay": repr(math.exp(-self.step / missed.heat_s)),
+            "answer_decay": repr(math.exp(-self.step * rate)),
+            "heat_decay": repr(math.exp(-self.step / heat_s)),
             "blind": repr(float(self.step * losses / lightest)),
         }
 

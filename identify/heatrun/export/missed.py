@@ -35,7 +35,8 @@ class Missed:
     Attributes:
         heat: Standard deviation of the heat over the mean loss [1].
         heat_s: Its correlation time [s].
-        slow_K: Standard deviation of the slow part of the readings' noise [K].
+        slow_K: Standard deviation of the slow part of the readings' noise [K]; no larger than a
+            sensor's constant error may be.
         slow_s: Its correlation time [s].
         white_K: Standard deviation of the white part in a mean of `BLOCK_S` [K].
         sensor_K: Standard deviation of the constant error of the sensor [K].
@@ -45,6 +46,7 @@ class Missed:
         losses: That of the losses that are passed, over the losses [1].
         resolution_K: Step of the readings [K].
         answer: Standard deviation of a change soon after a step of the load, over the change [1].
+        misfit_K: That of what the network misses with the time of `slow_K` [K].
     """
 
     heat: float
@@ -58,6 +60,7 @@ class Missed:
     losses: float = 0.0
     resolution_K: float = 0.0
     answer: float = 0.0
+    misfit_K: float = 0.0
 
     @classmethod
     def of(
@@ -80,13 +83,15 @@ class Missed:
         noise = model.noise
         said, heat = found.model.adequacy, known(noise.unmodelled_heat)
         heat = said.unmodelled_heat if heat is None else heat
-        slow = math.hypot(noise.sd_K, bias_K)
         priors = run.model(network).parameters.by_test[0]
         sink = record[f"{found.motor.sink}_degC"]
         # a drive's instruments are of the class of the bench's, and need not be the same ones
         offset, gain = (
             priors[name].sd if name in priors else 0.0 for name in ("sensor_offset", "sensor_gain")
         )
+        # a network of too few nodes errs slowly, and its readings do not
+        slow = math.hypot(noise.sd_K, bias_K)
+        own = min(slow, offset or slow)
         rise = float(np.sqrt(np.nanmean((record["winding_degC"] - sink) ** 2)))
         ours = priors.get("ambient_offset")
         predicted = _for_given_losses(run, network, whole.blocks)
@@ -103,9 +108,23 @@ class Missed:
         share = max(share, _at_rest(model, losses))
         sink_K = max(sink_K, ours.sd if ours else 0.0)
         resolution_K = max(each.resolution_K for each in found.blocks.loggers)
-        return cls(heat, said.heat_time_s, slow, noise.time_s, noise.white_K,
+        return cls(heat, said.heat_time_s, own, noise.time_s, noise.white_K,
                    math.hypot(offset, gain * rise), sink_K, share, losses, resolution_K,
-                   math.hypot(_least_known(model, found.model), losses))  # fmt: skip
+                   math.hypot(_least_known(model, found.model), losses),
+                   math.sqrt(slow**2 - own**2))  # fmt: skip
+
+    def heat_W(self, losses: float, W_per_K: float, time_s: float) -> tuple[float, float]:
+        """Return the standard deviation of the missed heat [W], and its correlation time [s].
+
+        Args:
+            losses: Mean loss [W].
+            W_per_K: Conductance from the sensed node to what surrounds it.
+            time_s: Time constant of that node.
+        """
+        slow, fast = self.heat * losses, self.misfit_K * W_per_K
+        fast *= math.sqrt(1.0 + time_s / self.slow_s)  # such heat moves the node by the misfit
+        both = max(slow**2 + fast**2, 1e-30)
+        return math.sqrt(both), (slow**2 * self.heat_s + fast**2 * self.slow_s) / both
 
     def reading(self, step: float) -> float:
         """Return the standard deviation of the white part of one reading [K].

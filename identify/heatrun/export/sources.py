@@ -6,12 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+import numpy as np
+
 from ..io.whole_files import numbered
 from ..model.parameters import qualified
 from ..runs.run import Run, open_run
 from .c_file import (
     LAWS,
-    MOST_STATES,
+    MOST_BYTES,
     STEP_S,
     VECTORS,
     CSource,
@@ -92,10 +94,12 @@ def export_source(
     elif to == "modelica":
         content = {"ThermalNetwork.mo": modelica(source, parameters)}
     else:
-        content, further = source.texts(), {"has_observer": source.has_observer}
+        said = [(e.name, e.member if e.index is None else f"{e.member}[{e.index}]", e.interval_95)
+                for e in parameters if e.interval_95]  # fmt: skip
+        content, further = source.texts(said), {"has_observer": source.has_observer}
         if not source.has_observer:
-            notes.append(f"There is no observer: its state would not fit into 1 kB with "
-                         f"{source.num_states} states (at most {MOST_STATES}).")  # fmt: skip
+            notes.append(f"There is no observer: its state would have {source.state_bytes} bytes "
+                         f"with {source.num_states} states (limit {MOST_BYTES}).")  # fmt: skip
     content[VECTORS] = source.vectors(found.record.name)
     places = [folder] if folder else numbered(run / to)
     written = write_export(places, content, found.inputs, is_replacing=is_replacing)
@@ -130,7 +134,7 @@ def read_source(
     opened = open_run(run)
     whole = of_no_test(read_run_test(run, test=test, network=network))
     found, bias = as_replica(whole, network, LAWS) if is_replica else (whole, 0.0)
-    variables, notes = NETWORK.variables(found)
+    variables, notes = _variables(found)
     corrections = Corrections.of(found.values)
     variables = NETWORK.corrected(variables, corrections, shaft_of(found, corrections))
     missed = Missed.of(opened, network, found, whole, bias)
@@ -146,6 +150,18 @@ def read_source(
     notes += (f"What drives it is meant as the run corrects it: {corrections.words()}.",)
     limits = [] if is_replica else ends(opened, network, found, source)
     return Sourced(source, entries(source, found.model, limits), found, notes)
+
+
+def _variables(found: RunAndTest) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Return the network with a phase resistance also where all losses heat one body.
+
+    What part of them is copper does not matter there, but to the permitted current.
+    """
+    ohm, (variables, notes) = found.motor.phase_resistance_ohm, NETWORK.variables(found)
+    if "Rs0" in found.values or found.motor.losses != "balance" or not ohm:
+        return variables, notes
+    variables["Rs0"] = np.full_like(variables["Rs0"], ohm)
+    return variables, tuple(note for note in notes if not note.startswith("Rs0 is 0"))
 
 
 def ends(run: Run, network: str | None, found: RunAndTest, source: CSource) -> list[CSource]:
@@ -166,6 +182,6 @@ def ends(run: Run, network: str | None, found: RunAndTest, source: CSource) -> l
     made = []
     for end in (0, 1):
         moved = {n: stated[n].interval_95[end] for n in names & found.values.keys() & stated.keys()}
-        variables, _ = NETWORK.variables(replace(found, values={**found.values, **moved}))
+        variables, _ = _variables(replace(found, values={**found.values, **moved}))
         made.append(replace(source, of_run=read_network(mat_bytes(variables))))
     return made

@@ -76,7 +76,7 @@ const heatrun_parameters heatrun_identified = {
 #endif
 };
 
-/* What stays the same during a step. */
+$intervals/* What stays the same during a step. */
 typedef struct {
     const heatrun_parameters *parameters;
     heatrun_real copper_W_per_A2_K;
@@ -479,13 +479,21 @@ heatrun_real heatrun_permitted_current_A(const heatrun_state *state, const heatr
     drive at;
     long num_steps;
     int i;
-    if (!is_question(inputs, node, limit_degC, horizon_s)) {
+    if (!is_question(inputs, node, limit_degC, horizon_s)
+        || !(state->parameters->Rs0_ohm > R(0.0))) {
         return R(-1.0);
     }
     prepare(state->parameters, inputs, &at);
     num_steps = (long)(horizon_s/R(HEATRUN_STEP_S) + R(0.001));
+    if (num_steps < 1) {
+        return R(-1.0);
+    }
     at.losses_W -= at.copper_in_losses*copper(&at, state->temperature_degC);
     at.copper_in_losses = R(0.0);
+    at.square_A2 = high_A*high_A;
+    if (steps_below(state, &at, node, limit_degC, num_steps) == num_steps) {
+        return high_A;
+    }
     for (i = 0; i < 20; ++i) { /* to a millionth of the largest current */
         const heatrun_real middle_A = R(0.5)*(low_A + high_A);
         at.square_A2 = middle_A*middle_A;

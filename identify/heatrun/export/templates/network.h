@@ -10,10 +10,14 @@
  *
  * One call of heatrun_step advances the model by HEATRUN_STEP_S; inputs are means over that step.
  * No heap, no global state, no libm, no recursion; loops are bounded. Compile with
- * -DHEATRUN_REAL=float for single precision. Not for -ffast-math: it drops the tests for NaN.
+ * -DHEATRUN_REAL=float for single precision.
  */
 #ifndef HEATRUN_NETWORK_H
 #define HEATRUN_NETWORK_H
+
+#ifdef __FAST_MATH__
+#error "-ffast-math drops the tests for NaN: compile without it"
+#endif
 
 #ifndef HEATRUN_REAL
 #define HEATRUN_REAL double
@@ -32,7 +36,9 @@ typedef HEATRUN_REAL heatrun_real;
 /* Inputs beyond these are refused; temperatures hold for sinks and nodes. */
 #define HEATRUN_MAX_CURRENT_A $max_current
 #define HEATRUN_MAX_LOSSES_W $max_losses
+#if HEATRUN_HAS_SPEED
 #define HEATRUN_MAX_SPEED_RPM $max_speed
+#endif
 #define HEATRUN_MIN_DEGC (-100.0)
 #define HEATRUN_MAX_DEGC 500.0
 #define HEATRUN_MAX_STEPS 100000 /* of a horizon */
@@ -133,8 +139,9 @@ heatrun_real heatrun_time_to_limit_s(const heatrun_state *state, const heatrun_i
                                      int node, heatrun_real limit_degC, heatrun_real horizon_s);
 
 /* Largest current that keeps a node below a limit when it is held for horizon_s [A]; the losses
- * other than copper, the sinks and the speed stay as they are now. 0 where none does, -1 for an
- * invalid question. It costs up to 20 times the steps of the horizon. */
+ * other than copper, the sinks and the speed stay as they are now. 0 where none does,
+ * HEATRUN_MAX_CURRENT_A where all do; -1 for an invalid question, among them a horizon below one
+ * step, and where no resistance is known. It costs up to 21 times the steps of the horizon. */
 heatrun_real heatrun_permitted_current_A(const heatrun_state *state, const heatrun_inputs *inputs,
                                          int node, heatrun_real limit_degC,
                                          heatrun_real horizon_s);

@@ -14,6 +14,7 @@
 #define SHARE_ERROR (CONSTANT + 2)
 #define LOSSES_ERROR (CONSTANT + 3)
 #define SENSED $sensed
+#define MOST_SD_K 300.0 /* a node that is known no better is not known */
 #if HEATRUN_HAS_LAG
 #define SHOWN (SLOW + 1) /* the state that is read */
 static const heatrun_real LAG_DECAY = R($lag_decay); /* over a step */
@@ -228,6 +229,11 @@ static heatrun_real shown(const heatrun_observer *observer)
 #endif
 }
 
+static heatrun_real size(heatrun_real x)
+{
+    return x < R(0.0) ? -x : x;
+}
+
 static void correct(heatrun_observer *observer, heatrun_real innovation_K)
 {
     heatrun_real seen[NUM_STATES];
@@ -267,6 +273,13 @@ static heatrun_real push_sd(const drive *at, const heatrun_real now_W[NUM_NODES]
     return R(HEATRUN_STEP_S)*sd_W/p->capacitance_J_per_K[SENSED];
 }
 
+/* Whether jumps explain how far the sensor is from the model: then it is the sensor that errs. */
+static int has_jumped(const heatrun_observer *observer)
+{
+    return size(observer->jumped_K) > R(0.0)
+        && R(2.0)*size(observer->jumped_K) >= size(observer->apart_K);
+}
+
 /* Judge the sensor; return whether this reading may correct the model. */
 static int judge(heatrun_observer *observer, heatrun_real reading_degC, heatrun_real change_K,
                  heatrun_real push_K)
@@ -275,61 +288,123 @@ static int judge(heatrun_observer *observer, heatrun_real reading_degC, heatrun_
     const heatrun_real fresh_K = ANSWER_SD*observer->fresh_K;
     const heatrun_real variance_K2 = foreseen(observer, seen) + fresh_K*fresh_K;
     const heatrun_real innovation_K = reading_degC - shown(observer) - observer->slow_K;
+    const int is_first = observer->num_missing >= HEATRUN_LOST_STEPS;
+    const heatrun_real num_steps = R(1 + observer->num_missing);
+    const heatrun_real changed_K = observer->changed_K + change_K;
+    const heatrun_real own_K = is_first ? R(0.0) : reading_degC - observer->last_degC;
     /* from one reading to the next the constant errors drop out: noise shows there first */
-    const heatrun_real jump_K = is_temperature(observer->last_degC)
-        ? reading_degC - observer->last_degC - change_K : R(0.0);
-    const heatrun_real step_K = ANSWER_SD*change_K;
-    const heatrun_real jump_variance_K2 = step_K*step_K + R(2.0)*R(HEATRUN_READING_SD_K)*R(HEATRUN_READING_SD_K)
-        + R(2.0)*(R(1.0) - SLOW_DECAY)*R(HEATRUN_SLOW_SD_K)*R(HEATRUN_SLOW_SD_K);
-    const int is_off =
-        innovation_K*innovation_K > R(HEATRUN_OFF_SDS)*R(HEATRUN_OFF_SDS)*variance_K2
-        || jump_K*jump_K > R(HEATRUN_OFF_SDS)*R(HEATRUN_OFF_SDS)*jump_variance_K2;
-    const int is_same =
-        reading_degC >= observer->last_degC && reading_degC <= observer->last_degC;
+    const heatrun_real jump_K = is_first ? R(0.0) : own_K - changed_K;
+    const heatrun_real answer_K = ANSWER_SD*changed_K;
+    const heatrun_real renewed = num_steps*(R(1.0) - SLOW_DECAY);
+    const heatrun_real white_K2 = R(HEATRUN_READING_SD_K)*R(HEATRUN_READING_SD_K);
+    const heatrun_real slow_K2 = R(HEATRUN_SLOW_SD_K)*R(HEATRUN_SLOW_SD_K);
+    const heatrun_real jump_variance_K2 = answer_K*answer_K + num_steps*num_steps*push_K*push_K
+        + R(2.0)*white_K2 + R(2.0)*(renewed < R(1.0) ? renewed : R(1.0))*slow_K2;
+    const int is_jump = jump_K*jump_K > R(HEATRUN_OFF_SDS)*R(HEATRUN_OFF_SDS)*jump_variance_K2;
+    const int is_same = !is_first && !(own_K < R(0.0)) && !(own_K > R(0.0));
+    const int is_used = observer->belief == HEATRUN_SENSOR_OK;
+    const heatrun_real stays_K2 = variance_K2 - white_K2 - covariance(observer, SLOW, SLOW);
+    const heatrun_real rate = R(1.0)/R(HEATRUN_MEAN_STEPS);
+    int is_off = is_jump
+        || innovation_K*innovation_K > R(HEATRUN_OFF_SDS)*R(HEATRUN_OFF_SDS)*variance_K2;
     heatrun_real stuck_K;
+    int is_stuck, agrees;
+    observer->changed_K = changed_K;
     if (!is_temperature(reading_degC)) {
-        observer->sensor = HEATRUN_SENSOR_LOST;
-        observer->last_degC = R(HEATRUN_MIN_DEGC) - R(1.0);
-        observer->score = 0;
-        observer->num_good = 0;
+        observer->num_missing += is_first ? 0 : 1;
         return 0;
     }
     observer->last_degC = reading_degC;
+    observer->changed_K = R(0.0);
+    observer->num_missing = 0;
+    observer->apart_K = is_first ? innovation_K
+        : observer->apart_K + R(0.1)*(innovation_K - observer->apart_K);
+    if (is_jump && size(own_K) > size(changed_K) && size(jump_K) > size(observer->jumped_K)
+        && (size(observer->jumped_K) > R(0.0) || (is_used && observer->is_proven))) {
+        observer->jumped_K = jump_K;
+    }
+    is_off = is_off || (size(observer->jumped_K) > R(0.0) /* nearer to the jump than to the model */
+        && R(2.0)*observer->jumped_K*innovation_K > observer->jumped_K*observer->jumped_K);
+    agrees = !is_off; /* so far: this reading may be used */
+    /* what the filter has followed for long without need: noise is averaged away */
+    if (is_used != 0) {
+        const heatrun_real noise_K2 = R(0.5)*rate*white_K2
+            + rate/(rate + R(1.0) - SLOW_DECAY)*slow_K2;
+        observer->mean_K += rate*(innovation_K - observer->mean_K);
+        observer->mean_K2 += rate*((stays_K2 > R(0.0) ? stays_K2 : R(0.0)) - observer->mean_K2);
+        is_off = is_off || observer->mean_K*observer->mean_K
+            > R(HEATRUN_OFF_SDS)*R(HEATRUN_OFF_SDS)*(observer->mean_K2 + noise_K2);
+    }
     observer->moved_K = is_same ? ANSWER_DECAY*observer->moved_K + change_K : R(0.0);
     observer->pushed_K = is_same ? ANSWER_DECAY*observer->pushed_K + push_K : R(0.0);
     stuck_K = R(HEATRUN_STUCK_K) + R(3.0)*observer->pushed_K;
+    is_stuck = !is_within(observer->moved_K, -stuck_K, stuck_K)
+        || (observer->belief == HEATRUN_SENSOR_STUCK && is_same);
     observer->score += is_off ? 4 : observer->score > 0 ? -1 : 0;
     observer->score = observer->score < 4*HEATRUN_OFF_STEPS ? observer->score : 4*HEATRUN_OFF_STEPS;
-    if (!is_within(observer->moved_K, -stuck_K, stuck_K)
-        || (observer->sensor == HEATRUN_SENSOR_STUCK && is_same)) {
-        if (observer->sensor == HEATRUN_SENSOR_OK) {
-            widen(observer, stuck_K); /* it has misled the model so far */
+    if (is_used != 0) {
+        observer->num_good += observer->num_good < HEATRUN_PROVEN_STEPS ? 1 : 0;
+        observer->is_proven = observer->is_proven || observer->num_good >= HEATRUN_PROVEN_STEPS;
+        if (is_stuck || observer->score >= 4*HEATRUN_OFF_STEPS) {
+            /* it has misled the model so far; one that nothing speaks for yet may be all wrong */
+            widen(observer, is_stuck ? stuck_K
+                  : observer->is_proven ? root(covariance(observer, SENSED, SENSED))
+                                        : size(observer->apart_K));
+            observer->belief = is_stuck ? HEATRUN_SENSOR_STUCK : HEATRUN_SENSOR_DISAGREES;
+            observer->num_good = 0;
+            observer->has_moved = 0;
+        } else if (observer->score == 0) {
+            observer->jumped_K = R(0.0);
         }
-        observer->sensor = HEATRUN_SENSOR_STUCK;
-        observer->num_good = 0;
-    } else if (observer->score >= 4*HEATRUN_OFF_STEPS
-               || (observer->sensor == HEATRUN_SENSOR_OFF && observer->score > 0)) {
-        observer->sensor = HEATRUN_SENSOR_OFF;
-        observer->num_good = 0;
-    } else if (observer->sensor != HEATRUN_SENSOR_OK) {
-        observer->sensor = HEATRUN_SENSOR_RECOVERING;
-        observer->num_good = is_off ? 0 : observer->num_good + 1;
-        if (observer->num_good >= HEATRUN_RECOVERY_STEPS) {
-            observer->sensor = HEATRUN_SENSOR_OK;
-        }
+        return agrees && !is_first && observer->belief == HEATRUN_SENSOR_OK;
     }
-    return observer->sensor == HEATRUN_SENSOR_OK && !is_off;
+    agrees = !is_stuck && observer->score == 0
+        && observer->apart_K*observer->apart_K
+            < R(HEATRUN_AGREE_SDS)*R(HEATRUN_AGREE_SDS)*variance_K2;
+    observer->num_good = agrees ? observer->num_good + 1 : 0;
+    /* while the load is steady, a sensor that lags agrees too */
+    observer->swing_K = agrees ? R(0.97)*observer->swing_K + changed_K : R(0.0);
+    if (!agrees) {
+        observer->has_moved = 0;
+    } else if (observer->has_moved == 0 && size(observer->swing_K) > R(HEATRUN_STUCK_K)) {
+        observer->has_moved = 1;
+        observer->num_good = 1; /* the readings from here on tell */
+    }
+    observer->belief = is_stuck ? HEATRUN_SENSOR_STUCK : HEATRUN_SENSOR_DISAGREES;
+    if (observer->num_good >= HEATRUN_PROOF_STEPS
+        || (observer->num_good >= HEATRUN_RECOVERY_STEPS
+            && (observer->has_moved || !observer->is_proven || has_jumped(observer)))) {
+        widen(observer, observer->doubt_K); /* the other nodes may be farther off than this one */
+        observer->doubt_K = R(0.0);
+        observer->belief = HEATRUN_SENSOR_OK;
+        observer->num_good = 0;
+        observer->jumped_K = R(0.0);
+        observer->mean_K = R(0.0);
+        observer->mean_K2 = R(0.0);
+    }
+    return 0;
 }
 
-heatrun_status heatrun_observer_start(heatrun_observer *observer,
-                                      const heatrun_real temperature_degC[HEATRUN_NUM_NODES],
-                                      heatrun_real sd_K)
+/* What is told of the sensor. */
+static heatrun_sensor told(const heatrun_observer *observer)
+{
+    heatrun_sensor sensor = observer->belief;
+    if (observer->num_missing >= HEATRUN_LOST_STEPS) {
+        sensor = HEATRUN_SENSOR_LOST;
+    } else if (sensor == HEATRUN_SENSOR_OK) {
+        sensor = observer->num_missing > 0 ? HEATRUN_SENSOR_WAITING : HEATRUN_SENSOR_OK;
+    } else if (observer->num_good > 0) {
+        sensor = HEATRUN_SENSOR_RECOVERING;
+    } else if (sensor == HEATRUN_SENSOR_DISAGREES && has_jumped(observer)) {
+        sensor = HEATRUN_SENSOR_OFF;
+    }
+    return sensor;
+}
+
+/* Nothing is known but the temperatures, so well. */
+static void spread(heatrun_observer *observer, heatrun_real sd_K)
 {
     int i, j;
-    if (!is_within(sd_K, R(0.0), R(300.0))
-        || heatrun_start(&observer->model, temperature_degC) != HEATRUN_OK) {
-        return HEATRUN_STATE_INVALID;
-    }
     for (i = 0; i < NUM_STATES; ++i) {
         for (j = 0; j <= i; ++j) {
             observer->covariance[place(i, j)] = R(0.0);
@@ -337,8 +412,7 @@ heatrun_status heatrun_observer_start(heatrun_observer *observer,
         observer->covariance[place(i, i)] = i < NUM_NODES ? sd_K*sd_K : start_variance(i);
     }
 #if HEATRUN_HAS_LAG
-    observer->shown_degC = sensed(temperature_degC);
-    observer->covariance[place(SHOWN, SHOWN)] = R(0.0);
+    observer->shown_degC = sensed(observer->model.temperature_degC);
     for (i = 0; i < NUM_NODES; ++i) {
         observer->covariance[place(SHOWN, SHOWN)] += PART[i]*PART[i]*sd_K*sd_K;
         observer->covariance[place(SHOWN, i)] = PART[i]*sd_K*sd_K;
@@ -348,13 +422,34 @@ heatrun_status heatrun_observer_start(heatrun_observer *observer,
         observer->heat_W[i] = R(0.0);
     }
     observer->slow_K = R(0.0);
-    observer->last_degC = R(HEATRUN_MIN_DEGC) - R(1.0); /* no reading yet */
+}
+
+heatrun_status heatrun_observer_start(heatrun_observer *observer,
+                                      const heatrun_real temperature_degC[HEATRUN_NUM_NODES],
+                                      heatrun_real sd_K)
+{
+    if (!is_within(sd_K, R(0.0), R(MOST_SD_K))
+        || heatrun_start(&observer->model, temperature_degC) != HEATRUN_OK) {
+        return HEATRUN_STATE_INVALID;
+    }
+    spread(observer, sd_K);
+    observer->last_degC = R(0.0);
+    observer->changed_K = R(0.0);
+    observer->apart_K = R(0.0);
+    observer->mean_K = R(0.0);
+    observer->mean_K2 = R(0.0);
+    observer->jumped_K = R(0.0);
     observer->moved_K = R(0.0);
     observer->pushed_K = R(0.0);
     observer->fresh_K = R(0.0);
+    observer->swing_K = R(0.0);
+    observer->doubt_K = R(0.0);
     observer->score = 0;
     observer->num_good = 0;
-    observer->sensor = HEATRUN_SENSOR_OK;
+    observer->num_missing = HEATRUN_LOST_STEPS; /* no reading yet */
+    observer->is_proven = 0;
+    observer->has_moved = 0;
+    observer->belief = HEATRUN_SENSOR_OK;
     return HEATRUN_OK;
 }
 
@@ -369,20 +464,17 @@ heatrun_estimate heatrun_observer_step(heatrun_observer *observer, const heatrun
     heatrun_real push_K = R(0.0);
     heatrun_estimate estimate;
     drive at;
-    int i;
+    int i, is_lost;
     for (i = 0; i < NUM_HEATS; ++i) {
         more_W[HEATED[i]] = observer->heat_W[i];
     }
     estimate.status = step_with(&observer->model, inputs, &at, more_W, R(HEATRUN_STEP_S));
+    is_lost = estimate.status == HEATRUN_STATE_INVALID;
     if (estimate.status == HEATRUN_OK) {
         heatrun_real now_W[NUM_NODES];
         heats(&at, observer->model.temperature_degC, now_W);
         predict_covariance(observer, &at, now_W);
         push_K = push_sd(&at, now_W);
-        for (i = 0; i < NUM_HEATS; ++i) {
-            observer->heat_W[i] *= HEAT_DECAY;
-        }
-        observer->slow_K *= SLOW_DECAY;
 #if HEATRUN_HAS_LAG
         observer->shown_degC = LAG_DECAY*observer->shown_degC
             + (R(1.0) - LAG_MEAN)*sensed(observer->model.temperature_degC)
@@ -390,15 +482,38 @@ heatrun_estimate heatrun_observer_step(heatrun_observer *observer, const heatrun
 #endif
     } else {
         widen(observer, BLIND_K);
+        observer->is_proven = 0; /* the model is not where the machine is */
+        observer->num_good = 0;
+    }
+    for (i = 0; i < NUM_HEATS; ++i) {
+        observer->heat_W[i] *= HEAT_DECAY;
+    }
+    observer->slow_K *= SLOW_DECAY;
+    for (i = 0; i < NUM_NODES; ++i) {
+        is_lost = is_lost || !(covariance(observer, i, i) <= R(MOST_SD_K)*R(MOST_SD_K));
+    }
+    if (is_lost != 0) { /* of the model: the reading is what is left */
+        for (i = 0; i < NUM_NODES && is_temperature(reading_degC); ++i) {
+            observer->model.temperature_degC[i] = reading_degC;
+        }
+        spread(observer, R(MOST_SD_K));
+        observer->is_proven = 0;
     }
     observer->fresh_K = ANSWER_DECAY*observer->fresh_K + shown(observer) - shown_degC;
     if (judge(observer, reading_degC, shown(observer) - shown_degC, push_K) != 0) {
         correct(observer, reading_degC - shown(observer) - observer->slow_K);
     }
+    /* model or sensor may be right: while they disagree, the band has both in it */
+    observer->doubt_K *= HEAT_DECAY;
+    if (has_jumped(observer) || (observer->score == 0 && observer->belief == HEATRUN_SENSOR_OK)) {
+        observer->doubt_K = R(0.0);
+    } else if (R(0.5)*size(observer->apart_K) > observer->doubt_K) {
+        observer->doubt_K = R(0.5)*size(observer->apart_K);
+    }
     for (i = 0; i < NUM_NODES; ++i) {
         estimate.temperature_degC[i] = observer->model.temperature_degC[i];
-        estimate.sd_K[i] = root(covariance(observer, i, i));
+        estimate.sd_K[i] = root(covariance(observer, i, i)) + observer->doubt_K;
     }
-    estimate.sensor = observer->sensor;
+    estimate.sensor = told(observer);
     return estimate;
 }

@@ -13,18 +13,25 @@
 #ifndef HEATRUN_SENSOR_SD_K
 #define HEATRUN_SENSOR_SD_K $sensor_sd /* its constant error */
 #endif
-#define HEATRUN_OFF_SDS 5.0       /* a reading, or its jump, is suspect beyond so many sds; */
-#define HEATRUN_OFF_STEPS 10      /* the sensor is off after so many, four sound ones undo one */
+#define HEATRUN_OFF_SDS 5.0       /* a reading, its jump, or the mean of what readings and model */
+#define HEATRUN_MEAN_STEPS 300    /* differ by over so many, is suspect beyond so many sds; */
+#define HEATRUN_OFF_STEPS 10      /* it counts no more after so many, four sound ones undo one */
 #define HEATRUN_STUCK_K $stuck    /* the model has moved so far by itself, beyond three sds
                                    * of what wrong heat makes, while the reading stayed the same */
-#define HEATRUN_RECOVERY_STEPS 30 /* good readings on end before the sensor counts again */
+#define HEATRUN_AGREE_SDS 2.0     /* it agrees while its mean is nearer than so many sds, and */
+#define HEATRUN_RECOVERY_STEPS 30 /* counts again after so many readings, */
+#define HEATRUN_PROOF_STEPS 1800  /* or after these where the model did not change much meanwhile */
+#define HEATRUN_PROVEN_STEPS 300  /* after so many good ones the model, too, is known to be right */
+#define HEATRUN_LOST_STEPS 60     /* without a reading */
 
 typedef enum {
     HEATRUN_SENSOR_OK = 0,
-    HEATRUN_SENSOR_LOST = 1,      /* NaN or beyond its limits; pass NaN when a reading is late */
+    HEATRUN_SENSOR_LOST = 1,       /* no reading for long: NaN or beyond the limits */
     HEATRUN_SENSOR_STUCK = 2,
-    HEATRUN_SENSOR_OFF = 3,
-    HEATRUN_SENSOR_RECOVERING = 4 /* it agrees again, and is not used yet */
+    HEATRUN_SENSOR_OFF = 3,        /* it jumps as no machine does */
+    HEATRUN_SENSOR_RECOVERING = 4, /* it agrees again, and is not used yet */
+    HEATRUN_SENSOR_DISAGREES = 5,  /* with the model: sensor, inputs or machine are not as they were */
+    HEATRUN_SENSOR_WAITING = 6     /* no reading in this step: pass NaN when there is no new one */
 } heatrun_sensor;
 
 typedef struct {
@@ -35,13 +42,23 @@ typedef struct {
     heatrun_real shown_degC; /* what the sensor has come to */
 #endif
     heatrun_real covariance[HEATRUN_NUM_STATES*(HEATRUN_NUM_STATES + 1)/2]; /* lower triangle */
-    heatrun_real last_degC;
-    heatrun_real moved_K; /* by itself, since the reading stays the same, */
-    heatrun_real pushed_K; /* and by what may be wrong with the heat */
-    heatrun_real fresh_K; /* change that the node has not yet passed on */
+    heatrun_real last_degC; /* reading, */
+    heatrun_real changed_K; /* and how far the model has gone since */
+    heatrun_real apart_K;   /* mean of readings less model over a few, */
+    heatrun_real mean_K;    /* and over many, */
+    heatrun_real mean_K2;   /* and the variance of that, but for noise */
+    heatrun_real jumped_K;  /* largest jump of a suspect reading that the model does not know */
+    heatrun_real moved_K;   /* by itself, since the reading stays the same, */
+    heatrun_real pushed_K;  /* and by what may be wrong with the heat */
+    heatrun_real fresh_K;   /* change that the node has not yet passed on */
+    heatrun_real swing_K;   /* change while it agreed, the latest foremost */
+    heatrun_real doubt_K;   /* how far apart they have been, slowly forgotten */
     int score; /* four for a suspect reading, -1 for another */
     int num_good;
-    heatrun_sensor sensor;
+    int num_missing; /* readings */
+    int is_proven;
+    int has_moved; /* while it agreed */
+    heatrun_sensor belief; /* OK, STUCK or DISAGREES */
 } heatrun_observer;
 
 typedef struct {
