@@ -263,6 +263,7 @@ def framed(
     """
     template = LocalTemplate(
         title="heatrun",
+        meta_viewport="width=device-width, initial-scale=1",  # else a phone lays out 980 px
         theme="default",
         sidebar_width=300,
         header_background="var(--hr-paper)",

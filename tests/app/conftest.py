@@ -281,10 +281,25 @@ def browser():
         found.close()
 
 
+LAPTOP = {"viewport": {"width": 1366, "height": 800}}
+PHONE = {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True,
+         "device_scale_factor": 3}  # fmt: skip
+
+
 @pytest.fixture
 def tab(browser):
     """A tab of its own context, at a laptop's size; what it asks for elsewhere is kept."""
-    context = browser.new_context(viewport={"width": 1366, "height": 800}, accept_downloads=True)
+    yield from _tab_of(browser, LAPTOP)
+
+
+@pytest.fixture
+def phone(browser):
+    """The same of a phone, which lays a page out as wide as that says and not as its window is."""
+    yield from _tab_of(browser, PHONE)
+
+
+def _tab_of(browser, device):
+    context = browser.new_context(**device, accept_downloads=True)
     page = context.new_page()
     page.set_default_timeout(LONG_MS)
     page.problems = []

@@ -170,9 +170,10 @@ CUT = """() => { const cut = [], wide = document.documentElement.clientWidth;
 """What goes beyond the right edge; wide tables scroll, and a plot cuts its lines."""
 
 
-def test_nothing_is_cut_on_a_phone(served, tab):
-    tab.set_viewport_size({"width": 390, "height": 844})
+def test_nothing_is_cut_on_a_phone(served, phone):
+    tab = phone
     _open(tab, served, "duty_30min.csv.gz")
+    assert tab.evaluate("innerWidth") == 390
     for name in ("Start", "Signals", "Checks", "Motor file", "By hand", "Calibration", "Report",
                  "Simulate and export"):  # fmt: skip
         _tab(tab, name)

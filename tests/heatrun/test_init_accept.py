@@ -8,7 +8,19 @@ import math
 import numpy as np
 import pytest
 import scipy.io
-from drafted import CURRENT, HOUSING, LOAD, LOSSES, ROOM, TIME_S, WINDING, named, offered, text_of
+from drafted import (
+    CURRENT,
+    HOUSING,
+    LOAD,
+    LOSSES,
+    ROOM,
+    TIME_S,
+    WINDING,
+    named,
+    note_on,
+    offered,
+    text_of,
+)
 
 from heatrun import cli
 from heatrun.commands.init import motor_of_tests
@@ -170,6 +182,68 @@ def test_what_warms_with_the_load_is_a_temperature_without_name_and_unit(tmp_pat
     columns = {"t [s]": TIME_S, "A1": noise, "A2": COIL, "A3": ROOM, "I_rms [A]": CURRENT}
     text = text_of(named(tmp_path, columns))
     assert offered(text, "winding_degC") == ["A2 [degC]"]
+
+
+def heated(steps):
+    """A winding of 0.05 ohm: its current by steps [A], the losses and its temperature."""
+    current, winding = np.repeat(steps, 90), [22.0]
+    for amperes in current[:-1]:
+        losses = 3.0 * 0.05 * amperes**2 * (212.5 + winding[-1]) / 234.5
+        winding.append(winding[-1] + 10.0 / 2000.0 * (losses - (winding[-1] - 22.0) / 0.3))
+    return current, 0.15 * current**2 * (212.5 + np.array(winding)) / 234.5, np.array(winding)
+
+
+@pytest.mark.parametrize("steps", [(30.0, 45.0, 0.0, 20.0), (0.0, 40.0, 0.0, 40.0)])
+def test_what_has_neither_name_nor_unit_is_ranked_by_how_it_runs(tmp_path, steps):
+    current, losses, winding = heated(steps)
+    room = 22.0 + 0.1 * np.sin(TIME_S / 500.0)
+    columns = {"A1": TIME_S, "A2": winding, "A3": room, "A4": current, "A5": losses}
+    text = accepted(named(tmp_path, columns))
+    assert live(text) == {
+        "time_s": "A1 [s]",
+        "winding_degC": "A2 [degC]",
+        "ambient_degC": "A3 [degC]",
+        "phase_current_A": "A4 [A]",
+        "losses_W": "A5 [W]",
+    }
+    assert text.count("please check") == 5
+
+
+def test_a_matrix_without_names_is_ranked_so_too(tmp_path):
+    current, losses, winding = heated((30.0, 45.0, 0.0, 20.0))
+    rows = np.column_stack((TIME_S, winding, ROOM, current, losses))
+    scipy.io.savemat(tmp_path / "log.mat", {"log": rows})
+    said = live(accepted(tmp_path / "log.mat"))
+    assert said["time_s"] == "log(:,1) [s]"
+    assert said["winding_degC"] == "log(:,2) [degC]"
+
+
+def test_a_board_that_is_warmer_than_the_winding_began_is_no_room(tmp_path):
+    board = 40.0 + 0.5 * np.sin(TIME_S / 500.0)
+    columns = {"t [s]": TIME_S, "I_rms [A]": CURRENT, "temperature": board, "T_winding": COIL}
+    path = named(tmp_path, columns)
+    assert "ambient_degC" not in live(accepted(path))
+    assert "16 K warmer than 'T_winding' at its coldest" in note_on(text_of(path), "temperature")
+
+
+def test_the_registers_of_a_servo_controller_are_known(tmp_path):
+    zero = np.zeros(TIME_S.size)
+    columns = {"timestamp": TIME_S, "mode": zero + 10.0, "position": zero, "velocity": zero + 25.0,
+               "torque": zero + 2.0, "q_current": CURRENT, "d_current": zero,
+               "voltage": zero + 24.0, "temperature": zero + 40.0, "fault": zero}  # fmt: skip
+    found = survey(named(tmp_path, columns))
+    read = {one.channel: (one.column, one.unit) for one in found.recognised}
+    assert read["speed_rpm"] == ("velocity", "rev/s")
+    assert read["controller_degC"] == ("temperature", "degC")
+    assert read["dc_voltage_V"] == ("voltage", "V")
+    assert "ambient_degC" not in live(accepted(named(tmp_path, columns)))
+
+
+def test_a_voltage_over_a_current_is_the_resistance_of_the_winding(tmp_path):
+    ohm = 0.1 * (234.5 + WINDING) / 256.5
+    columns = {"t [s]": TIME_S, "Resistance": ohm, "T_room [degC]": ROOM}
+    columns |= {"I_dc [A]": 30.0 + 0.0 * ohm, "U_dc [V]": 30.0 * ohm}
+    assert offered(text_of(named(tmp_path, columns)), "winding_degC") == ["Resistance [ohm]"]
 
 
 MISSING = {"Zeit [s]": TIME_S, "I_Mot [A]": CURRENT, "P_V [W]": LOSSES, "Temp_Mot [°C]": COIL}

@@ -71,6 +71,15 @@ def test_names_in_structs_are_recognised(tmp_path):
     assert found == {name: f"log.{name}" for name in fields}
 
 
+def test_a_cell_of_texts_names_the_columns_of_the_matrix_beside_it(tmp_path):
+    names = np.array(["T_winding [degC]", "I [A]"], dtype=object)
+    rows = np.vstack((np.arange(50.0), np.full(50, 3.0)))
+    scipy.io.savemat(tmp_path / "m.mat", {"t": np.arange(50.0), "data": rows, "names": names})
+    table = read_raw(tmp_path / "m.mat")
+    assert [one.label for one in table.columns[1:]] == ["T_winding", "I"]
+    assert not table.findings
+
+
 def test_columns_of_a_matrix_keep_the_unit_of_its_name(tmp_path):
     path = tmp_path / "run.mat"
     scipy.io.savemat(path, {"t": T, "coil_K": np.column_stack([COIL, ROOM]) + 273.15})

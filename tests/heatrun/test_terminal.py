@@ -16,7 +16,7 @@ from heatrun import cli
 from heatrun.commands import all_commands
 from heatrun.commands.console import EVERY_S, PROGRESS, bar, say
 from heatrun.record.record import Finding
-from heatrun.reports.terminal import discovery_text, result_text
+from heatrun.reports.terminal import discovery_text, findings_text, result_text
 from heatrun.results import DiscoveryResult, FitResult, from_json
 from heatrun.results.model import DerivedFigure
 from heatrun.runs.run import Run
@@ -27,6 +27,26 @@ STORED = Path(__file__).parents[1] / "stored"
 @pytest.fixture(scope="module")
 def stored():
     return from_json((STORED / "fit-1.json").read_bytes(), FitResult, "fit.json", "stored")
+
+
+def test_a_warning_of_two_parts_is_said_once_with_both():
+    found = [
+        Finding("sampling", "warning", f"{n} samples at 600 s.", f"day_{k}, time_s, 0 s", "Export.",
+                f"day_{k}")
+        for k, n in ((1, 200), (2, 370))
+    ]  # fmt: skip
+    found.append(
+        Finding("saturation", "warning", "Clipped.", "day_2, torque_Nm", "Check.", "day_2")
+    )
+    other = replace(found[0], where="day_2, winding_degC, 0 s", test="day_2")
+    (first, second, third) = findings_text([*found, other]).splitlines()
+    assert first.endswith(
+        "day_1, time_s, 0 s: 200 samples at 600 s. Export.  (sampling; day_2 too)"
+    )
+    assert second.endswith("(saturation)")
+    assert "winding_degC" in third  # of another channel
+    assert len(findings_text(found, verbose=True).splitlines()) == 3
+    assert len(findings_text([replace(f, severity="error") for f in found]).splitlines()) == 3
 
 
 def test_a_large_capacity_has_no_exponent(stored):

@@ -301,6 +301,16 @@ LEAST_RISE_K, COLDEST, HOTTEST = 5.0, -40.0, 300.0
 MOST_PRODUCTS, MOST_LOADS = 24, 3
 """So many are held against each column: files have thousands."""
 
+UNEVEN = 0.05
+"""Of the median step of a time [1]: nine steps of ten differ by no more."""
+
+COLDEST_ROOM, NEAR_THE_ROOM_K, STAYING_ROOM_K = 5.0, 15.0, 1.0
+"""Of a column that nothing but its course calls a room [°C], and how far from it a winding that was
+not quite cold may begin [K], from a column that stays at one number as well."""
+
+MOST_OF_COPPER = 0.6
+"""Spread of losses over the square of a current [1]: copper that warms by 150 K."""
+
 LOADS = ("phase_current_A", "losses_W", "electrical_power_W", "dc_current_A", "torque_Nm", "i_q_A")
 
 
@@ -321,6 +331,7 @@ def with_evidence(
         for one in readings
         if one.column in values
     }
+    free = [_guessed(one, values, read, free) for one in free]
     by_channel: dict[str, dict[str, np.ndarray]] = {
         one.channel: {one.column: read[one.channel]} for one in readings if one.channel in read
     }
@@ -336,16 +347,14 @@ def with_evidence(
     currents = [one for name in ("dc_current_A", "phase_current_A")
                 for one in by_channel.get(name, {}).items()]  # fmt: skip
     pairs = product(by_channel.get("dc_voltage_V", {}).items(), dict(currents).items())
-    products = {
-        f"'{volts}' times '{amperes}'": voltage * current
-        for (volts, voltage), (amperes, current) in islice(pairs, MOST_PRODUCTS)
-        if voltage.shape == current.shape
-    }
+    pairs = [pair for pair in islice(pairs, MOST_PRODUCTS) if pair[0][1].shape == pair[1][1].shape]
+    products = {f"'{u}' times '{i}'": volts * amperes for (u, volts), (i, amperes) in pairs}
+    ohms = {f"'{u}' over '{i}'": quotient(volts, amperes) for (u, volts), (i, amperes) in pairs}
     loads = [one for name in LOADS for one in by_channel.get(name, {}).items()]
     is_turning = any(np.nan_to_num(known[name]).any() for name in TURNING if name in known)
-    found = tuple(
+    found = [
         _looked_at(
-            one,
+            _resistance(one, values.get(one.name), ohms),
             values.get(one.name),
             known,
             products,
@@ -353,9 +362,11 @@ def with_evidence(
             [] if is_turning else currents[:MOST_LOADS],
         )
         for one in free
-    )
+    ]
+    coldest = _coldest(found, values, read)
+    found = [_beside_a_winding(one, *coldest) for one in found] if coldest else found
     has_phases = len(by_channel.get("phase_current_A", {})) >= 3
-    return tuple(map(_of_analyser, found)) if has_phases else found
+    return tuple(map(_of_analyser, found) if has_phases else found)
 
 
 def _of_analyser(column: FreeColumn) -> FreeColumn:
@@ -367,6 +378,117 @@ def _of_analyser(column: FreeColumn) -> FreeColumn:
     if column.evidence or not said.keys() <= plain:
         return column
     return replace(column, evidence=said)
+
+
+def _as(column: FreeColumn, channel: str, unit: str, words: str) -> FreeColumn:
+    """Return a column without name and unit as what its values make it."""
+    guess = Proposal(channel, f"{column.name} [{unit}]", "assumed", WEAK, unit)
+    return replace(column, proposals=(guess,), evidence={channel: Evidence(True, words)})
+
+
+def _is_unknown(column: FreeColumn) -> bool:
+    # "log 1", the first column of a matrix, is no share
+    is_named = any(one.score or one.unit != "1" for one in column.proposals)
+    return not (is_named or column.unit or column.remark) and column.course is not None
+
+
+def _guessed(
+    column: FreeColumn,
+    values: Mapping[str, np.ndarray],
+    read: Iterable[str],
+    free: Iterable[FreeColumn],
+) -> FreeColumn:
+    """Return a column without name and unit as time or load, where it runs so and no other is.
+
+    Time rises evenly. Of two columns that jump together one goes with the square of the other:
+    losses and current.
+    """
+    told = {*read, *(one.channel for each in free for one in each.proposals)}
+    if not _is_unknown(column) or column.name not in values:
+        return column
+    steps = np.diff(values[column.name])
+    if steps.size > 20 and np.all(steps > 0.0):
+        is_even = np.ptp(np.quantile(steps, (0.05, 0.95))) <= UNEVEN * np.median(steps)
+        is_time = is_even and "time_s" not in told
+        return _as(column, "time_s", "s", "rises evenly") if is_time else column
+    if told.isdisjoint(LOADS) and _jumps(column, values):
+        for other in free:
+            if other.name != column.name and _is_unknown(other) and _jumps(other, values):
+                one, two = (values[each.name] for each in (column, other))
+                if _ratio(one, two**2, MOST_OF_COPPER) and _unsteadiness(one) > _unsteadiness(two):
+                    return _as(column, "losses_W", "W", f"goes with the square of '{other.name}'")
+                if _ratio(two, one**2, MOST_OF_COPPER) and _unsteadiness(two) > _unsteadiness(one):
+                    words = f"'{other.name}' goes with its square"
+                    return _as(column, "phase_current_A", "A", words)
+    return column
+
+
+def _jumps(column: FreeColumn, values: Mapping[str, np.ndarray]) -> bool:
+    """Return whether a column changes at once, as a load does, and never to below 0."""
+    if column.name not in values or column.course is None or column.course.low < 0.0:
+        return False
+    known = values[column.name][np.isfinite(values[column.name])]
+    return known.size > 20 and np.max(np.abs(np.diff(known))) > MOST_JUMP * np.ptp(known) > 0.0
+
+
+def _unsteadiness(load: np.ndarray) -> float:
+    """Return the spread of a load where it is on [1]."""
+    known = load[load > LOADED_SHARE * np.nanmax(load)]
+    return float(np.std(known) / np.mean(known))
+
+
+def _resistance(
+    column: FreeColumn, values: np.ndarray | None, ohms: Mapping[str, np.ndarray]
+) -> FreeColumn:
+    """Return a column without unit as the resistance that a voltage over a current is."""
+    if values is None or not _is_unknown(column):
+        return column
+    for words, ohm in ohms.items():
+        for unit, factor in (("ohm", 1.0), ("mohm", 1e3)):
+            ratio = _ratio(values, factor * ohm)
+            if ratio is not None and abs(ratio - 1.0) <= SAME_SHARE:
+                found = _as(column, "winding_resistance_ohm", unit, f"is {words}")
+                return replace(found, evidence={"winding_degC": Evidence(True, f"is {words}")})
+    return column
+
+
+def _coldest(
+    free: Iterable[FreeColumn], values: Mapping[str, np.ndarray], read: Mapping[str, np.ndarray]
+) -> tuple[float, str] | None:
+    """Return the least temperature of what is likely the winding [°C], and its name, if any."""
+    found = [(read["winding_degC"], "the winding")] if "winding_degC" in read else []
+    for column in free:
+        for one in column.proposals:
+            speaks = one.is_likely or "winding_degC" in column.evidence
+            if one.channel == "winding_degC" and speaks and column.name in values:
+                winding = _converted(values[column.name], one.channel, one.unit)
+                found.append((winding, f"'{column.name}'"))
+    lows = [(float(np.nanmin(each)), name) for each, name in found if np.isfinite(each).any()]
+    return min(lows, default=None)
+
+
+def _beside_a_winding(column: FreeColumn, coldest: float, winding: str) -> FreeColumn:
+    """Return a column as the room, where it stays within some kelvin and is no warmer than the
+    winding ever was; what is warmer is none, unless its name says so.
+    """
+    course = column.course
+    if course is None:
+        return column
+    if _is_unknown(column) and course.high - course.low < LEAST_RISE_K:
+        near_K = NEAR_THE_ROOM_K if course.high > course.low else STAYING_ROOM_K
+        is_room = course.low >= COLDEST_ROOM and abs(course.mean - coldest) < near_K
+        words = f"stays near the coldest of {winding}"
+        return _as(column, "ambient_degC", "degC", words) if is_room else column
+    for one in column.proposals:
+        unit = find_unit(one.unit, "temperature") if one.channel == "ambient_degC" else None
+        low = None if unit is None else unit.factor * course.low + unit.offset
+        is_other = f"'{column.name}'" != winding and not one.is_likely
+        if low is not None and is_other and low > coldest + LEAST_RISE_K:
+            words = f"{low - coldest:.0f} K warmer than {winding} at its coldest"
+            return replace(
+                column, evidence={**column.evidence, one.channel: Evidence(False, words)}
+            )
+    return column
 
 
 def _converted(values: np.ndarray, channel: str, symbol: str) -> np.ndarray:
@@ -387,11 +509,12 @@ def _looked_at(
     for one in column.proposals:
         if CHANNEL[one.channel].quantity == "power":
             power_W = _converted(values, one.channel, one.unit)
-            return replace(column, evidence=power_evidence(power_W, known, products))
+            found = power_evidence(power_W, known, products)
+            return replace(column, evidence={**column.evidence, **found})
         if one.channel == "winding_voltage_V":
             volts = _converted(values, one.channel, one.unit)
             return replace(column, evidence=_voltage_evidence(volts, currents))
-    is_unknown = not column.proposals and not column.unit and not column.remark
+    is_unknown = _is_unknown(column)
     may_warm = is_unknown and _may_be_a_temperature(column.course)
     if not may_warm and not any(one.channel == "winding_degC" for one in column.proposals):
         return column
@@ -481,8 +604,10 @@ def power_evidence(
     return found
 
 
-def _ratio(power_W: np.ndarray, other_W: np.ndarray) -> float | None:
-    """Return how many times another power a power is, None where it is no multiple of it."""
+def _ratio(power_W: np.ndarray, other_W: np.ndarray, spread: float = 0.3) -> float | None:
+    """Return how many times another power a power is, None where it is no multiple of it, to a
+    spread in parts of that.
+    """
     if power_W.shape != other_W.shape:
         return None
     power, other = _samples(power_W), _samples(other_W)
@@ -493,7 +618,7 @@ def _ratio(power_W: np.ndarray, other_W: np.ndarray) -> float | None:
     ratios = power[loaded] / other[loaded]
     low, middle, high = np.quantile(ratios, (0.1, 0.5, 0.9))
     # the efficiency changes with the load, but by less than the load does
-    return float(middle) if low > 0.0 and high - low <= 0.3 * middle else None
+    return float(middle) if low > 0.0 and high - low <= spread * middle else None
 
 
 def warms_with(temperature: np.ndarray, load: np.ndarray) -> bool:

@@ -366,10 +366,9 @@ WHY = {
     "time_s": "no sample has a time. Name the column of times, or the sampling rate: "
     'time_s = "rate 10 Hz".',
     "phase_current_A": "the copper loss, which heats the winding itself, follows from the current.",
-    "losses_W": "they are the heat that the temperatures answer to. They may also follow from the "
-    "power that goes in ({}), less that of the shaft (mechanical_power_W; or torque_Nm and "
-    "speed_rpm). With the rotor locked, or under direct current, write speed_rpm = 0 under "
-    "[constants]: the power that goes in is then all of them.",
+    "losses_W": "the heat that the temperatures answer to: a column of them, or the power that "
+    "goes in ({}) less the shaft's (mechanical_power_W, or torque_Nm and speed_rpm; where it "
+    "stands, speed_rpm = 0 under [constants]).",
     "ambient_degC": "heat flows by the difference to it. Name its column, or write its mean under "
     '[constants]; a liquid-cooled machine takes sink = "coolant" under [motor].',
     "winding_degC": "it is what the network is fitted to. The winding's resistance in ohm will do.",
@@ -582,7 +581,8 @@ def _channel(name: str, wanted: Mapping[str, str], tests: Mapping[str, Sequence[
     target = next((way.channel for way in ways if way.formula == formula), "")
     sentence = WHY.get(name, "") if not formula else f"{target} is {formula}."
     if name == "losses_W":
-        sentence = sentence.format("; or ".join(" and ".join(way.needs) for way in ELECTRICAL))
+        fed = (" and ".join(way.needs) for way in ELECTRICAL if way.needs[-1] != "phase_current_A")
+        sentence = sentence.format(", ".join(fed))
     each = {test: ranked(name, [one for file in tests[test] for one in _candidates(name, file)
                                 if len(one.line) <= LONGEST_LINE])
             for test in wanted}  # fmt: skip

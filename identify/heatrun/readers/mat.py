@@ -308,9 +308,14 @@ def table_of(
     # The length that most variables have; settings are short, so that a long one weighs more.
     length = max(lengths, key=lambda size: (lengths[size] * math.log(size), size))
     columns, constants, left_out = [], {}, []
-    for leaf in found:
+    titles = _titles(variables, found, length)
+    cells = {cell for cell, _ in titles.values()}
+    for leaf in (one for one in found if one.name not in cells):
         value = leaf.value
         parts = courses(leaf, length)
+        if parts is not None and leaf.name in titles:
+            rows = zip(parts, titles[leaf.name][1], strict=True)
+            parts = [(name, head, values) for (name, _, values), head in rows]
         if parts is not None and isinstance(value, Stored):
             columns += [value.column(name, part, heading=head) for name, head, part in parts]
         elif isinstance(value, Stored) and value.values.size == 1:
@@ -323,6 +328,22 @@ def table_of(
             left_out.append(leaf)
     findings = _left_out(left_out, length, where)
     return Table(tuple(columns), {}, constants, (), findings, reader)
+
+
+def _titles(
+    variables: Mapping[str, Nested], found: Sequence[Leaf], length: int
+) -> dict[str, tuple[str, list[str]]]:
+    """Return the matrix of as many columns as a cell of texts has elements, to name and elements
+    of that.
+    """
+    widths = {leaf.name: len(parts) for leaf in found if (parts := courses(leaf, length))}
+    named = {}
+    for name, cell in variables.items():
+        texts = [one for one in cell if isinstance(one, Text)] if isinstance(cell, list) else []
+        alike = [matrix for matrix, width in widths.items() if width == len(texts) > 1]
+        if len(alike) == 1 and len(texts) == len(cell):
+            named[alike[0]] = name, texts
+    return named
 
 
 def _kind(value: Stored | str) -> str:

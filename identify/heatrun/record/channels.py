@@ -217,6 +217,20 @@ SPEED_CONTROLLER = ColumnMap(
     },
 )
 
+MOTEUS = ColumnMap(
+    "moteus servo controller",
+    {
+        "velocity": "speed_rpm",
+        "torque": "torque_Nm",
+        "q_current": "i_q_A",
+        "d_current": "i_d_A",
+        "voltage": "dc_voltage_V",
+        "temperature": "controller_degC",  # of the board
+    },
+    units={"velocity": "rev/s"},
+    num_needed=5,
+)
+
 CANONICAL_STEMS = ColumnMap(
     "canonical name with another unit",
     {channel.name.removesuffix(f"_{channel.unit}"): channel.name for channel in CHANNELS}
@@ -242,6 +256,7 @@ COLUMN_MAPS: tuple[ColumnMap, ...] = (
     PADERBORN,
     THERMOCOUPLES,
     SPEED_CONTROLLER,
+    MOTEUS,
     CANONICAL_STEMS,
     TIME_NAMES,
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from typing import TYPE_CHECKING
 
 from ..checks.suitability import WEAK
@@ -57,16 +57,29 @@ def ranked(findings: Sequence[Finding]) -> list[Finding]:
 
 
 def findings_text(findings: Sequence[Finding], *, verbose: bool = False) -> str:
-    """Return findings, the gravest first, a paragraph each; notes only if `verbose`."""
+    """Return findings, the gravest first, a paragraph each; notes only if `verbose`, else warnings
+    that differ by their test alone once, with the tests that they concern.
+    """
+    shown = [f for f in ranked(findings) if verbose or f.severity != "note"]
+    alike: dict[Hashable, list[Finding]] = {}
+    for f in shown:
+        channel = f.where.removeprefix(f.test).split(", ")[1:2]
+        key = f.id, f.remedy, *channel
+        before = [each.test for each in alike.get(key, ())]
+        is_apart = verbose or f.severity == "error" or f.test in before
+        alike.setdefault((*key, len(alike)) if is_apart else key, []).append(f)
     lines = (
         printable(
             f"{_MARK[f.severity]}  {'' if f.where.startswith(f.test) else f'[{f.test}] '}"
-            f"{f.sentence()}  ({f.id})"
+            f"{f.sentence()}  ({f.id}{_too(others)})"
         )
-        for f in ranked(findings)
-        if verbose or f.severity != "note"
+        for f, *others in alike.values()
     )
     return "\n".join(dict.fromkeys(lines))  # parts of a file share what it says
+
+
+def _too(others: Sequence[Finding]) -> str:
+    return f"; {', '.join(each.test for each in others)} too" if others else ""
 
 
 def result_text(result: FitResult, run: str = "RUN", *, verbose: bool = False) -> str:
