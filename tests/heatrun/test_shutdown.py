@@ -18,8 +18,8 @@ from heatrun.motor.file import load_motor, parse_motor
 from heatrun.shutdown.cooling import Cooling, UsualModes, _lagged
 from heatrun.shutdown.graphical import allowed_delay_s, by_hand
 from heatrun.shutdown.of_run import _modal, modes_of_run
-from heatrun.shutdown.readings import read_readings
-from heatrun.shutdown.result import winding_at_shutdown
+from heatrun.shutdown.readings import Readings, read_readings
+from heatrun.shutdown.result import _reduced, winding_at_shutdown
 
 COLD, COLD_degC, B, AIR = 0.482, 21.0, 234.5, 23.0
 MOTOR = f"""[motor]
@@ -101,12 +101,55 @@ def test_the_budget_adds_up_and_agrees_with_the_draws(tmp_path):
     assert cold.contribution == pytest.approx(0.0005 * (B + result.winding_degC), rel=0.01)
 
 
+def test_the_slopes_of_the_budget_are_those_of_the_whole_answer(tmp_path):
+    """What is sampled moves the answer as its row says."""
+    text = MOTOR.replace("sd_s = 0.1", "sd_s = 0.5")
+    rows = {row.source: row.sensitivity for row in found(tmp_path, text=text).budget}
+    values = ohm(winding(TIME_S) + np.random.default_rng(7).normal(0.0, 0.03, TIME_S.size))
+    late, early = (
+        found(tmp_path, values, time_s=TIME_S + off, text=text).winding_degC for off in (3.0, -3.0)
+    )
+    # the noise of 2000 draws is a tenth of the change
+    assert rows["moment of switch-off"] == pytest.approx((late - early) / 6.0, rel=0.25)
+    lags = {}
+    for lag in (6, 9, 12):
+        machine = motor(f'[motor]\nname = "S"\n[constants]\nambient_degC = 23.0\n[shutdown]\n'
+                        f"sensor_lag_s = {lag}\nsensor_sd_K = 0.1\nrun_down_s = 0\n")  # fmt: skip
+        path = write(tmp_path, TIME_S, winding(TIME_S - 9.0), "time_s,winding_degC")
+        lags[lag] = winding_at_shutdown(machine, read_readings(path, machine))
+    slope = next(row.sensitivity for row in lags[9].budget if row.source == "lag of the sensor")
+    change = lags[12].winding_degC - lags[6].winding_degC
+    assert slope == pytest.approx(change / 6.0, rel=0.25)
+
+
 def test_what_the_cold_measurement_is_uncertain_by_is_in_the_interval(tmp_path):
     sharp = found(tmp_path)
     blunt = found(tmp_path, text=MOTOR.replace("temperature_sd_K = 0.05", "temperature_sd_K = 2"))
     ratio = (B + TRUE_degC) / (B + COLD_degC)
     added = np.sqrt(blunt.standard_uncertainty_K**2 - sharp.standard_uncertainty_K**2)
     assert added == pytest.approx(2.0 * ratio, rel=0.1)
+
+
+@pytest.mark.parametrize("place", [0, 6])
+def test_a_reading_off_the_course_is_named_and_left_out(tmp_path, place):
+    values = ohm(winding(TIME_S) + np.random.default_rng(7).normal(0.0, 0.03, TIME_S.size))
+    wrong = values * np.where(np.arange(TIME_S.size) == place, 0.97, 1.0)
+    result = found(tmp_path, wrong)
+    assert len(result.left_out) == 1
+    assert f"after {TIME_S[place]:.0f} s" in result.left_out[0]
+    assert "below the course of the others" in result.left_out[0]
+    low, high = result.winding_95_degC
+    assert low < TRUE_degC < high
+
+
+def test_a_winding_without_fast_modes_is_held_too(tmp_path):
+    """Two nodes and no run-down: what machines in general have besides can only add."""
+    degC = AIR + 30.0 * np.exp(-TIME_S / 120.0) + 60.0 * np.exp(-TIME_S / 4000.0)
+    scatter = np.random.default_rng(7).normal(0.0, 0.03, TIME_S.size)
+    for more in ("run_down_s = 0", ""):
+        text = MOTOR.replace("run_down_s = 0", more)
+        low, high = found(tmp_path, ohm(degC + scatter), text=text).winding_95_degC
+        assert low < AIR + 90.0 < high
 
 
 def test_leads_are_taken_off(tmp_path):
@@ -165,7 +208,8 @@ def test_the_lag_of_a_decay_is_its_differential_equation():
 
 def test_true_temperatures_undo_errors_of_the_instruments():
     machine = motor()
-    cooling = Cooling(TIME_S, winding(TIME_S), AIR, machine, COLD, UsualModes(rise_K=60.0))
+    usual, ones = UsualModes(rise_K=60.0), np.ones(TIME_S.size)
+    cooling = Cooling(TIME_S, winding(TIME_S), AIR, machine, COLD, usual, ones)
     errors = {"cold": 0.003, "cold_degC": -1.5, "B": 2.0}
     degC = np.array([80.0, 120.0])
     by_truth = COLD * 1.003 * (B + 2.0 + degC) / (B + 2.0 + COLD_degC - 1.5)
@@ -191,6 +235,20 @@ def test_readings_that_are_none(tmp_path, time_s, degC, text, problem):
     values = ohm(np.array(degC)) * (0.9 if "phase" in text else 1.0)
     with pytest.raises(InputError, match=problem):
         found(tmp_path, values, time_s=np.array(time_s), text=text)
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        (lambda R: R * 0.0 + R[0], "All 20 readings are the same, 0.5"),
+        (lambda R: R - 0.098, "after .* s gives 1.* below the ambient of 23.0"),
+        (lambda R: R * np.where(TIME_S == 65.0, 10.0, 1.0), "after 65 s, 5.* The others fit"),
+        (lambda R: R * np.where(TIME_S == 65.0, 0.0, 1.0), "after 65 s, 0 ohm, gives -234"),
+    ],
+)
+def test_the_reading_at_fault_is_named(tmp_path, change, problem):
+    with pytest.raises(InputError, match=problem):
+        found(tmp_path, change(ohm(winding(TIME_S))))
 
 
 @pytest.mark.parametrize(
@@ -225,6 +283,38 @@ def test_terminals_and_a_clock(tmp_path):
     readings = read_readings(path, motor(), "14:03:00")
     np.testing.assert_allclose(readings.time_s, TIME_S)
     np.testing.assert_allclose(readings.degC, winding(TIME_S), atol=1e-2)
+
+
+def write_clock(folder, begin, time_s, form="%Y-%m-%d %H:%M:%S"):
+    clock = (pd.Timestamp(begin) + pd.to_timedelta(time_s, unit="s")).strftime(form)
+    rows = (f"{t},{R:.7f}" for t, R in zip(clock, ohm(winding(time_s)), strict=True))
+    path = folder / "readings.csv"
+    path.write_text("\n".join(["Time,R [Ohm]", *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def test_a_clock_with_dates_and_one_that_passes_midnight(tmp_path):
+    dated = write_clock(tmp_path, "2026-03-09 14:32:05", TIME_S)
+    np.testing.assert_allclose(read_readings(dated, motor(), "14:32:05").time_s, TIME_S)
+    np.testing.assert_allclose(read_readings(dated, motor(), "0s").time_s[0], 0.0)
+    with pytest.raises(InputError, match=r"has dates, and does not say when .*--at 14:32:05"):
+        read_readings(dated, motor())
+    for form in ("%H:%M:%S", "%d.%m.%Y %H:%M:%S"):
+        over = write_clock(tmp_path, "2026-03-09 23:58:10", TIME_S, form)
+        np.testing.assert_allclose(read_readings(over, motor(), "23:58:10").time_s, TIME_S)
+
+
+def test_a_logger_keeps_its_first_readings(tmp_path):
+    """Means over minutes would lie on the chord of the curve, and begin too late."""
+    time_s = np.arange(30.0, 3630.0, 1.0)
+    read = Readings("log", time_s, winding(time_s), AIR, None, None, (), "")
+    middle_s, degC, scatter = _reduced(read)
+    assert middle_s.size == 60
+    np.testing.assert_array_equal(middle_s[:3], [30.0, 31.0, 32.0])
+    np.testing.assert_allclose(degC, winding(middle_s), atol=0.05)
+    assert np.all(np.diff(middle_s) > 0.0)
+    assert scatter[0] == 1.0
+    assert scatter[-1] == pytest.approx(1.0 / 3.0)
 
 
 def test_methods_by_hand_on_a_course_that_they_are_right_for():

@@ -1,4 +1,5 @@
-"""Machines that are switched off, by a code that shares nothing with heatrun: SciPy's integrator.
+"""Machines that are switched off, by a code that shares nothing with heatrun: SciPy's integrator,
+and its matrix exponential for machines of two nodes.
 
 Five nodes (slot part, end winding, teeth, yoke with housing, rotor), losses that follow the
 resistance, cooling that follows temperature and a fan that runs down; then a bridge with leads, a
@@ -11,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 COPPER_J, IRON_J = 385.0, 460.0
 """Specific heat [J/(kg K)]."""
@@ -91,6 +93,61 @@ class Machine:
             atol=1e-8,
         )  # fmt: skip
         return float(self.winding(hot)), self.winding(off.y)
+
+
+@dataclass(frozen=True)
+class TwoNodes:
+    """A machine of winding and iron, all losses of which end at switch-off.
+
+    Attributes:
+        A: State matrix [1/s].
+        hot_K: Rise of the nodes at switch-off [K].
+        ambient_degC: Of what it cools to.
+        run_down_s: 0: nothing runs on.
+        B: Of the material [degC].
+    """
+
+    A: np.ndarray
+    hot_K: np.ndarray
+    ambient_degC: float
+    run_down_s: float
+    B: float
+
+    def cooled(self, time_s: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return the winding at switch-off and at times after it, evenly spaced from 0 [degC]."""
+        step, state, course = expm(self.A * (time_s[1] - time_s[0])), self.hot_K, []
+        for _ in time_s:
+            course.append(self.ambient_degC + state[0])
+            state = step @ state
+        return course[0], np.array(course)
+
+
+OF_TWO = {
+    "two nodes": ((60.0, 400.0), (2400.0, 9000.0), (0.08, 0.3)),
+    "water jacket": ((30.0, 120.0), (300.0, 1200.0), (0.3, 0.7)),
+}
+"""Time constants of the winding over the iron and of the iron [s], share of the winding in the rise
+[1]."""
+
+
+def two_nodes(random: np.random.Generator, kind: str) -> TwoNodes:
+    """Return a machine of two nodes, warm or on its way there."""
+    (fast, slow, shares), rise = OF_TWO[kind], random.uniform(60.0, 105.0)
+    tau, slow_s = (np.exp(random.uniform(*np.log(ends))) for ends in (fast, slow))
+    share = random.uniform(*shares)
+    C = np.array([1000.0, 0.0])
+    inner = C[0] / tau
+    outer = inner * share / (1.0 - share) * random.uniform(1.0, 1.8)
+    C[1] = outer * slow_s
+    A = np.array([[-inner, inner], [inner, -inner - outer]]) / C[:, None]
+    # 1 W of copper loss, and in the iron what the share of the winding leaves to it
+    heat = np.array([1.0, max(outer * (1.0 - share) / (share * inner) - 1.0, 0.0)]) / C
+    steady = -np.linalg.solve(A, heat)
+    is_short = random.random() < 0.3
+    run_s = random.uniform(0.1, 1.0) * slow_s if is_short else 10.0 * slow_s
+    hot = steady - expm(A * run_s) @ steady
+    return TwoNodes(A, hot * rise / hot[0], random.uniform(15.0, 32.0), 0.0,
+                    random.normal(234.5, 0.5))  # fmt: skip
 
 
 def machine(random: np.random.Generator) -> Machine:

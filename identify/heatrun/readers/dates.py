@@ -88,7 +88,9 @@ def read_dates(
         )
     note = f"read as {best} ({reason or why}), seconds from {start}"
     day = _first_day(keys[row], best, read, why)
-    return Times(seconds, note, question, start=day)
+    minutes, rest = divmod(clock[row] + _zone_seconds(parts["zone"])[row], 60.0)
+    hours, minutes = divmod(int(minutes), 60)
+    return Times(seconds, note, question, start=f"{day}T{hours:02d}:{minutes:02d}:{rest:09.6f}")
 
 
 def _first_day(date: Date, best: str, read: Mapping[str, np.ndarray], why: str) -> str:

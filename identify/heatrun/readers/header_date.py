@@ -38,6 +38,23 @@ def day_of(start: str) -> str:
         return ""
 
 
+TIME_OF_DAY = re.compile(r"[T ]([0-9]{1,2}):([0-9]{2})(?::([0-9]+(?:\.[0-9]*)?))?")
+
+
+def second_of_day(start: str) -> float | None:
+    """Return how long after midnight a moment is [s]; None of a clock that was never set.
+
+    Example:
+        >>> second_of_day("2026-03-04T10:00:02.5"), second_of_day("1970-01-01T10:00:00")
+        (36002.5, None)
+    """
+    found = TIME_OF_DAY.search(start)
+    if found is None or (STAMP.match(start) and not day_of(start)):
+        return None
+    hours, minutes, seconds = (float(part or 0.0) for part in found.groups())
+    return 3600.0 * hours + 60.0 * minutes + seconds
+
+
 MONTHS = (
     "jan january januar janvier gen gennaio jän jänner janv",
     "feb february februar février févr fév febbraio",

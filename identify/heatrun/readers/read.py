@@ -26,7 +26,7 @@ from ..record.table import BLF, Table, no_signals, preamble_of, told_apart
 from ..record.timegrid import exact_grid, from_first_sample
 from .channel_map import ITS_WORDS, ONLY_CLOCK, MappedColumns, map_columns
 from .header_date import CLOCK_OF_DAY as CLOCK
-from .header_date import HEADER, HeaderDay, day_of, header_day
+from .header_date import HEADER, HeaderDay, day_of, header_day, second_of_day
 from .hints import NO_HINTS, Hints, hints_of
 from .measurement import Measurement
 from .multirate import read_all, read_measurement
@@ -210,6 +210,7 @@ def read_record(
         mapping=tuple(mapped.readings),
         decided=frozenset(mapped.decided),
         origin_s=origin_s,
+        clock_s=second_of_day(mapped.start),
         start=start or headed.day,
         start_from=CLOCK if start else HEADER if headed.day else "",
     )

@@ -4,7 +4,7 @@ The sources are what stands behind an estimate and is independent of all else: t
 readings, and how far each prior mean (a stated instrument, a usual size) may be off. For an
 estimate that is linear in these the budget is exact. With the Jacobian $J$ of the readings over
 their scatter and $g$ of the answer, both by standard normal numbers, and $S = (1 + J^T J)^{-1}$,
-the mean of number $i$ moves the answer by $-(S g)_i$ and the scatter by $|J S g|$; their squares
+the mean of number $i$ moves the answer by $(S g)_i$ and the scatter by $|J S g|$; their squares
 add up to $g^T S g$.
 
 What the readings themselves tell of a source is taken into account: its share is what its prior

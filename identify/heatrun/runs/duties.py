@@ -93,8 +93,8 @@ def parse_duty(text: str, slow_s: float) -> Duty:
     """Return a duty by its name.
 
     Args:
-        text: `"S2-MINUTES"`, `"S3-PERCENT"`, `"S6-PERCENT"`, or the path of a CSV file with a phase
-            of the cycle in each row: `COLUMNS`.
+        text: `"S1"`, `"S2-MINUTES"`, `"S3-PERCENT"`, `"S6-PERCENT"`, or the path of a CSV file with
+            a phase of the cycle in each row: `COLUMNS`.
         slow_s: Slow time constant [s]; a cycled duty runs for five of them.
 
     Raises:
@@ -105,6 +105,8 @@ def parse_duty(text: str, slow_s: float) -> Duty:
         phases = _read(Path(text))
         words = "as the file has them" if phases[0].other_W is not None else ""
         return _cycled(Path(text).stem, phases, slow_s, words)
+    if text == "S1":
+        return Duty(text, (Phase(CYCLE_S, 1.0),), 1, "")
     found = PATTERN.match(text)
     number = float(found["number"]) if found else 0.0
     if found and number > 0.0 and found["kind"] == "S2":
@@ -116,7 +118,9 @@ def parse_duty(text: str, slow_s: float) -> Duty:
         return _cycled(text, phases, slow_s, "")
     raise UsageError(
         f"rating {text!r}: expected S2-MINUTES, S3-PERCENT or S6-PERCENT, such as S2-30 or S3-40, "
-        "or a CSV file of the phases of a duty."
+        "S1, or a CSV file of the phases of a duty. S4, S5, S7, S8 start, brake or change speed: "
+        f"write what they ask for as such a file, named {text}.csv, with the columns "
+        f"{', '.join(COLUMNS)}."
     )
 
 
@@ -203,7 +207,7 @@ class Rated:
         drawn: The machine of each draw.
         times: Its time constants [s], shape (draw, node), shortest first.
         seen: Range of the tests.
-        limit: Limit of the insulation, None if no class is given.
+        limit: The permitted rise, else the temperature of the class; None if no class is given.
         surroundings: As `heatrun.runs.machine.Tested.surroundings`.
     """
 
@@ -287,7 +291,8 @@ def current_by_rms(
     seconds = np.array([phase.seconds for phase in duty.phases])
     share = seconds / np.sum(seconds)
     rms = math.sqrt(np.sum(share * np.array([phase.current for phase in duty.phases]) ** 2))
-    square = np.maximum(np.asarray(drawn.limit_squared), 0.0)
+    at_end = drawn.limit_squared if limit.rise_K is None else drawn.permitted_squared
+    square = np.maximum(np.asarray(at_end), 0.0)
     found = figure(
         np.sqrt(square) / rms, "A",
         f"{limit}, rms of the cycle {rounded(100.0 * rms)} % of its largest current",

@@ -284,8 +284,13 @@ def derive(
     fast_s = float(np.median(times[:, 0]))
     if draw_values is not base:  # the body of an effect may be faster
         times = time_constants(rates(draw_values.model, draw_values.values, seen.loaded, winding).A)
-    machine = Rated(draw_values, drawn, times, seen, limit, surroundings)
+    # as the map of ratings and the margin of page 1: the permitted rise where the class has one
+    machine = Rated(draw_values, drawn, times, seen, rise or limit, surroundings)
     for text in duties:
+        if text == "S1":
+            by = "continuous_current_A" if rise is None else "continuous_current_by_rise_A"
+            figures["S1_current_A"] = figures[by]
+            continue
         duty = parse_duty(text, float(np.median(times[:, -1])))
         figures[f"{duty.name}_current_A"] = exact = duty_current(machine, duty)
         if PATTERN.match(text) is None:

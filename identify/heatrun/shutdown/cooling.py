@@ -23,6 +23,7 @@ from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
+from scipy.special import ndtr
 
 from ..record.motor import Motor, ShutDown
 
@@ -38,25 +39,39 @@ class Source:
         unit: Its unit.
         centre: Mean, or median of a log-normal one [unit].
         sd: Standard deviation [unit], or that of its logarithm [1].
-        law: Of its prior.
+        law: Of its prior; `"often none"` is log-normal where the effect is there.
     """
 
     name: str
     unit: str
     centre: float
     sd: float
-    law: Literal["normal", "log-normal"] = "normal"
+    law: Literal["normal", "log-normal", "often none"] = "normal"
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Return its values for standard normal numbers, as a column, shape (draw, 1)."""
         if self.law == "normal":
             return (self.centre + self.sd * z)[:, None]
-        return (self.centre * np.exp(self.sd * z))[:, None]
+        value = self.centre * np.exp(self.sd * z)
+        return (value * is_there(z) if self.law == "often none" else value)[:, None]
 
     @property
     def standard_uncertainty(self) -> float:
         """Its standard deviation [unit], of a log-normal one to first order."""
         return self.sd if self.law == "normal" else self.centre * self.sd
+
+
+NONE_BELOW, SHARPNESS = -0.2, 6.0
+"""Of a normal number: below it (4 of 10) an effect is not there, and how fast it comes [1]."""
+
+
+def is_there(z: np.ndarray) -> np.ndarray:
+    """Return the factor of an effect that some machines do not have: nearly 0 or 1 [1].
+
+    An effect that can only add, and always does, leaves no room for machines without it: their
+    intervals would end above the truth.
+    """
+    return ndtr(SHARPNESS * (z - NONE_BELOW))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,10 +104,10 @@ class AbstractModes(ABC):
 SHARE, SHARE_SD = np.array([0.06, 0.2, 0.3, 0.5]), np.array([0.06, 0.2, 0.25, 0.4])
 """Of the modes of winding, winding, rotor and teeth, and housing in the rise [1]."""
 
-HEATED_K_PER_S, HEATED_LOG_SD = 0.15, 0.8
+HEATED_K_PER_S, HEATED_LOG_SD = 0.18, 0.95
 """How fast the copper began to cool, which is how fast it was heated before: J² rho / c. Copper at
-120 °C takes 0.17 K/s at 5 A/mm² and 0.7 K/s at 10 A/mm²; insulation takes a fifth of it. So no fast
-mode can hide a large drop."""
+120 °C takes 0.17 K/s at 5 A/mm², 0.7 K/s at 10 A/mm², and in a water jacket 1.5 K/s at 15 A/mm²;
+insulation takes a fifth of it. So no fast mode can hide a large drop."""
 
 RATE, RATE_SD = np.array([0.35, 0.55]), 0.3
 """Share of the modes of winding in that rate [1]."""
@@ -122,6 +137,7 @@ class UsualModes(AbstractModes):
         "time constant of rotor and teeth",
         "time constant of the housing",
         "heating of the copper before switch-off",
+        "whether the winding has a drop within",
     )
     of_amplitudes: tuple[str, ...] = (
         "drop within the winding",
@@ -151,6 +167,8 @@ class UsualModes(AbstractModes):
         both = by_rate + by_share
         mean[:, :2] = (RATE * heated_K * by_rate + mean[:, :2] * by_share) / both
         sd[:, :2] = both**-0.5
+        mean[:, 0] *= is_there(z[:, 5])
+        sd[:, 0] *= is_there(z[:, 5])
         return mean, sd[:, :, None] * np.eye(len(SHARE))
 
 
@@ -166,6 +184,7 @@ class Cooling:
         reference_ohm: Cold resistance of the measured circuit with its leads [ohm]; None where a
             sensor was read.
         modes: Prior of time constants and amplitudes.
+        scatter: Of the readings over that of a single one [1], shape (time,).
     """
 
     time_s: np.ndarray
@@ -174,6 +193,7 @@ class Cooling:
     motor: Motor
     reference_ohm: float | None
     modes: AbstractModes
+    scatter: np.ndarray
 
     @property
     def said(self) -> ShutDown:
@@ -193,7 +213,13 @@ class Cooling:
             "run_down": Source("losses of the run-down", "1", 0.3, 0.5, "log-normal"),
             # the end winding, which gives off a third of the heat, is cooled 2.5 times better by a
             # rotor that turns than by one that stands
-            "stirring": Source("cooling of the run-down", "1", 0.35, 0.7, "log-normal"),
+            "stirring": Source(
+                "cooling of the run-down",
+                "1",
+                0.35,
+                0.7,
+                "often none",
+            ),
             "losses_after": Source(
                 "losses that stay", "1", said.losses_after, said.losses_after_sd
             ),
@@ -336,9 +362,10 @@ class Cooling:
         return self.values(z)["noise"]
 
     def _given(self, z: Draws) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return residuals and scatter [K], and the linear numbers' precision and its vector."""
+        """Return residuals over `scatter`, noise [K], precision and its vector of the others."""
         course, added = self._read(z, self.time_s)
-        residual, noise = self.reading_degC - course, self.noise_K(z)
+        residual, noise = (self.reading_degC - course) / self.scatter, self.noise_K(z)
+        added = added / self.scatter[:, None]
         across = np.swapaxes(added, 1, 2)
         precision = np.eye(added.shape[2]) + across @ added / noise[:, :, None] ** 2
         vector = (across @ residual[:, :, None])[:, :, 0] / noise**2

@@ -46,6 +46,7 @@ def answer_lines(result: ShutdownResult) -> list[str]:
         ]
     return [
         *lines,
+        *result.left_out,
         f"First reading {result.first_reading_s:.0f} s after switch-off: "
         f"{result.reading_degC[0]:.1f} °C; scatter {result.scatter_K:.2g} K; prior of "
         f"{result.prior}",

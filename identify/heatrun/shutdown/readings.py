@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import nnls
 
 from ..errors import InputError
 from ..readers.read import read_record
@@ -20,6 +21,8 @@ from ..record.units import find_unit
 FEWEST = 3
 """Readings of which a course can be told."""
 
+DAY_S = 86400.0
+
 LATEST_S = 7200.0
 """No first reading of a winding comes later [s]: such a time is that of a clock."""
 
@@ -27,7 +30,11 @@ HOTTEST_degC = 240.0
 """20 K above the highest insulation class; more is an error of the resistance."""
 
 BELOW_SINK_K = 8.0
-"""What errors of the cold resistance may show a winding below its sink [K]: 3 %."""
+"""What errors of the cold resistance may show a winding below its sink [K]: 3 %. It guesses the
+circuit; what is stated of the instruments decides on the readings."""
+
+SURE, SCATTER_K = 4.0, 1.0
+"""Standard deviations by which a winding is surely below its sink [1], beside a scatter [K]."""
 
 WARMS_K = 1.0
 """What readings of a winding that cools may end above the first one: their scatter [K]."""
@@ -61,6 +68,7 @@ class Readings:
         reference_ohm: Cold resistance of the same circuit, leads included [ohm]; None for a sensor.
         notes: How it was read.
         sha256: Digest of the file.
+        left_out: Readings off the course of the others, in words.
     """
 
     name: str
@@ -71,6 +79,51 @@ class Readings:
     reference_ohm: float | None
     notes: tuple[str, ...]
     sha256: str
+    left_out: tuple[str, ...] = ()
+
+
+OUTLIER, LEAST_OFF_K, MOST_OUT = 8.0, 0.5, 0.2
+"""A reading is none of the course where it is off by so many times the scatter of the others [1],
+and by so much [K]; where more than this share [1] is, it is not for a rule to say which."""
+
+OF_COURSE_S = np.geomspace(3.0, 3e4, 17)
+"""Time constants of which every course that cools can be put together [s]."""
+
+
+def without_outliers(readings: Readings, lag_s: float) -> Readings:
+    """Leave readings out that lie off the course of the others, and name them.
+
+    The course is any sum of exponentials that all decay, fitted to the sum of absolute differences:
+    a winding that cools has no other, and few wrong readings do not move it.
+
+    Args:
+        readings: As read.
+        lag_s: Of a sensor [s], whose course begins flat; 0 for none.
+    """
+    time_s, T = readings.time_s, readings.degC
+    columns = [np.exp(-time_s / tau) for tau in OF_COURSE_S] + [np.ones(T.size)]
+    columns += [-np.exp(-time_s / lag_s)] if lag_s > 0.0 else []
+    design, low = np.stack(columns, axis=1), np.min(T) - 50.0
+    weight, off = np.ones(T.size), T
+    for _ in range(30):
+        try:
+            fitted = nnls(design * weight[:, None], (T - low) * weight, maxiter=1000)[0]
+        except RuntimeError:  # it goes round in circles: nothing is told
+            return readings
+        off = T - low - design @ fitted
+        weight = np.maximum(np.abs(off), 1e-3) ** -0.5
+    limit = max(OUTLIER * 1.4826 * float(np.median(np.abs(off))), LEAST_OFF_K)
+    is_out = np.abs(off) > limit
+    if not is_out.any() or np.mean(is_out) > MOST_OUT or T.size - np.sum(is_out) < FEWEST:
+        return readings
+    words = tuple(
+        f"The reading after {time_s[k]:.6g} s, {T[k]:.1f} °C, lies {abs(off[k]):.1f} K "
+        f"{'above' if off[k] > 0.0 else 'below'} the course of the others and is left out."
+        for k in np.flatnonzero(is_out)
+    )
+    keep = ~is_out
+    ohm = None if readings.ohm is None else readings.ohm[keep]
+    return replace(readings, time_s=time_s[keep], degC=T[keep], ohm=ohm, left_out=words)
 
 
 def read_readings(path: Path, motor: Motor, at: str = "") -> Readings:
@@ -87,7 +140,7 @@ def read_readings(path: Path, motor: Motor, at: str = "") -> Readings:
     """
     record = _read(path, motor)
     where = str(path)
-    time_s = record.time_s + record.origin_s - _moment(at, where)
+    time_s = _since(record, at, where)
     is_ohm = "winding_resistance_ohm" in record
     values = record["winding_resistance_ohm" if is_ohm else "winding_degC"]
     _refuse_disorder(time_s, where)
@@ -114,9 +167,16 @@ def read_readings(path: Path, motor: Motor, at: str = "") -> Readings:
     sink_degC = _sink(record, motor, used, where)
     degC, ohm, reference = values, None, None
     if is_ohm:
-        reference, note = _reference(values, motor, sink_degC, where)
+        reference, note = _reference(time_s, values, motor, sink_degC, where)
         degC, ohm = temperature(values, reference, motor), values
         notes.append(note)
+    _refuse_below_sink(time_s, degC, sink_degC, motor, where, is_ohm=is_ohm)
+    if np.ptp(degC) == 0.0:
+        raise InputError(
+            f"All {degC.size} readings are the same, {values[0]:.5g}: no winding cools so.",
+            where=where,
+            remedy="Check that the instrument went on measuring, and the column.",
+        )
     if degC[-1] > degC[0] + WARMS_K:
         raise InputError(
             f"The winding does not cool: {degC[0]:.1f} °C {time_s[0]:.0f} s after switch-off, "
@@ -125,8 +185,9 @@ def read_readings(path: Path, motor: Motor, at: str = "") -> Readings:
             remedy="Give the moment of switch-off by --at where the file begins before it, or the "
             "readings after it alone.",
         )
-    return Readings(record.name, time_s, degC, sink_degC, ohm, reference, tuple(notes),
+    read = Readings(record.name, time_s, degC, sink_degC, ohm, reference, tuple(notes),
                     record.sources[0].sha256)  # fmt: skip
+    return without_outliers(read, 0.0 if is_ohm else motor.shutdown.sensor_lag_s)
 
 
 def temperature(ohm: np.ndarray, reference_ohm: float, motor: Motor) -> np.ndarray:
@@ -159,13 +220,26 @@ def _is_resistance(name: str) -> bool:
     return unit is not None and find_unit(unit, "resistance") is not None
 
 
-def _moment(at: str, where: str) -> float:
+def _since(record: Record, at: str, where: str) -> np.ndarray:
+    """Return the times since switch-off [s]."""
+    time_s = record.time_s + record.origin_s
     clock = CLOCK.fullmatch(at.strip())
     if clock:
         hours, minutes, seconds = (float(part or 0.0) for part in clock.groups())
-        return 3600.0 * hours + 60.0 * minutes + seconds
-    remedy = "Write --at 30s, --at 10min or, as a clock has it, --at 14:32:05."
-    return parse_time(at, where, remedy) if at else 0.0
+        moment = 3600.0 * hours + 60.0 * minutes + seconds
+        time_s = time_s + (record.clock_s or 0.0) - moment
+        last = time_s[np.isfinite(time_s)][-1]
+        return time_s - DAY_S * np.floor(last / DAY_S)  # of readings that go on over midnight
+    if at:
+        remedy = "Write --at 30s, --at 10min or, as a clock has it, --at 14:32:05."
+        return time_s - parse_time(at, where, remedy)
+    if record.clock_s is not None:
+        raise InputError(
+            "The file has dates, and does not say when the machine was switched off.",
+            where=where,
+            remedy="Give it by its clock, as in --at 14:32:05; --at 0s for the first row.",
+        )
+    return time_s
 
 
 def _refuse_disorder(time_s: np.ndarray, where: str) -> None:
@@ -193,7 +267,35 @@ def _sink(record: Record, motor: Motor, used: np.ndarray, where: str) -> float:
     return float(np.nanmean(values))
 
 
-def _reference(ohm: np.ndarray, motor: Motor, sink_degC: float, where: str) -> tuple[float, str]:
+def _refuse_below_sink(
+    time_s: np.ndarray,
+    degC: np.ndarray,
+    sink_degC: float,
+    motor: Motor,
+    where: str,
+    *,
+    is_ohm: bool,
+) -> None:
+    """Refuse a winding that is surely colder than what it cools to, and name the first reading."""
+    said, B = motor.shutdown, motor.resistance_coefficient_degC
+    own = (said.cold_resistance_sd * (B + sink_degC), said.cold_temperature_sd_K)
+    sd = np.linalg.norm([said.sink_sd_K, *(own if is_ohm else (said.sensor_sd_K,))])
+    below = np.flatnonzero(degC < sink_degC - SURE * sd - SCATTER_K)
+    if below.size:
+        k = int(below[0])
+        raise InputError(
+            f"The reading after {time_s[k]:.6g} s gives {degC[k]:.1f} °C, below the {motor.sink} "
+            f"of {sink_degC:.1f} °C by more than the stated uncertainties (k = 1: {sd:.1f} K) "
+            "allow. Below its coolant no winding cools.",
+            where=where,
+            remedy="Check that reading, the cold resistance with its temperature, and the "
+            f"temperature of the {motor.sink}; or state how uncertain they are in [shutdown].",
+        )  # fmt: skip
+
+
+def _reference(
+    time_s: np.ndarray, ohm: np.ndarray, motor: Motor, sink_degC: float, where: str
+) -> tuple[float, str]:
     """Return the cold resistance of the measured circuit [ohm], and how it is known."""
     at = f"at {motor.reference_temperature_degC:g} °C"
     phase, stated = motor.phase_resistance_ohm, motor.measured_resistance_ohm
@@ -206,7 +308,7 @@ def _reference(ohm: np.ndarray, motor: Motor, sink_degC: float, where: str) -> t
             "measured_resistance_ohm, with reference_temperature_degC.",
         )
     if stated is not None:
-        _refuse_implausible(ohm, stated, motor, sink_degC, where)
+        _refuse_implausible(time_s, ohm, stated, motor, sink_degC, where)
         return stated, f"Cold resistance {stated:.5g} ohm {at}, leads included."
     assert phase is not None
     fitting = {
@@ -222,7 +324,7 @@ def _reference(ohm: np.ndarray, motor: Motor, sink_degC: float, where: str) -> t
             f"Cold resistance {known:.5g} ohm {at}: {factor:.3g} times a phase ({circuit}).",
         )
     if not fitting:
-        _refuse_implausible(ohm, phase + leads, motor, sink_degC, where)
+        _refuse_implausible(time_s, ohm, phase + leads, motor, sink_degC, where)
     raise InputError(
         f"The first reading is {ohm[0]:.5g} ohm and a phase has {phase:.5g} ohm {at}: "
         f"it may be {' or '.join(fitting.values())}.",
@@ -237,12 +339,26 @@ def _is_plausible(degC: np.ndarray, sink_degC: float) -> bool:
 
 
 def _refuse_implausible(
-    ohm: np.ndarray, reference: float, motor: Motor, sink_degC: float, where: str
+    time_s: np.ndarray,
+    ohm: np.ndarray,
+    reference: float,
+    motor: Motor,
+    sink_degC: float,
+    where: str,
 ) -> None:
-    """Refuse resistances that no winding can have, with the unit or circuit that would do."""
+    """Refuse resistances that no winding can have, with the reading, unit or circuit at fault."""
     degC = temperature(ohm, reference, motor)
     if _is_plausible(degC, sink_degC):
         return
+    wrong = [k for k in range(ohm.size) if not _is_plausible(degC[k : k + 1], sink_degC)]
+    if len(wrong) <= ohm.size // 4:
+        k = wrong[0]
+        raise InputError(
+            f"The reading after {time_s[k]:.6g} s, {ohm[k]:.5g} ohm, gives {degC[k]:.0f} °C"
+            f"{f'; {len(wrong)} such in all' if len(wrong) > 1 else ''}. The others fit.",
+            where=where,
+            remedy="Correct it as it was noted, or leave its row out.",
+        )
     said = (
         f"The readings, {ohm[0]:.5g} to {ohm[-1]:.5g} ohm, give {degC[0]:.0f} to {degC[-1]:.0f} °C "
         f"with a cold resistance of {reference:.5g} ohm at "

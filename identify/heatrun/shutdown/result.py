@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 
 from ..record.motor import LIMIT_DEGC, Motor
 from ..results.budget import BudgetRow, Part, budget, combined
@@ -18,7 +19,11 @@ WITHIN_K = 5.0
 lie between class temperature and permitted rise, so that a verdict is still one."""
 
 MOST_READINGS = 60
-"""Readings that are used one by one; a logger's are averaged to so many blocks."""
+"""Readings that are used one by one; a logger's are averaged to so many blocks, which grow from
+single readings at the beginning, where the winding cools fast."""
+
+LEAST_SCATTER = 1.0 / 3.0
+"""Of a block's mean over that of a reading [1]: what a bridge drifts by is not averaged out."""
 
 NUM_AROUND, NUM_HALVINGS = 25, 10
 """Draws around which a first reading that was not made is judged, and steps towards its time."""
@@ -84,6 +89,7 @@ class ShutdownResult:
         reading_degC: As temperatures.
         notes: How the readings were read.
         sha256: Digest of the readings.
+        left_out: Readings off the course of the others, in words.
     """
 
     motor: str
@@ -113,6 +119,7 @@ class ShutdownResult:
     reading_degC: np.ndarray
     notes: tuple[str, ...]
     sha256: str
+    left_out: tuple[str, ...]
 
 
 def winding_at_shutdown(
@@ -133,23 +140,23 @@ def winding_at_shutdown(
             interval [K].
         seed: Of the draws.
     """
-    time_s, degC = _reduced(readings)
+    time_s, degC, scatter = _reduced(readings)
     prior = modes or UsualModes(rise_K=float(degC[0]) - readings.sink_degC)
-    cooling = Cooling(time_s, degC, readings.sink_degC, motor, readings.reference_ohm, prior)
+    cooling = Cooling(
+        time_s, degC, readings.sink_degC, motor, readings.reference_ohm, prior, scatter
+    )
     z = cooling.posterior(seed)
     random = np.random.default_rng([seed, 1])
     errors = {
         key: source.sd * random.standard_normal((len(z), 1))
         for key, source in cooling.instruments.items()
     }
-    winding = cooling.true(cooling.winding(z, np.zeros(1)), errors)[:, 0]
+    shown = cooling.winding(z, np.zeros(1))
+    winding = cooling.true(shown, errors)[:, 0]
     sink = readings.sink_degC + motor.shutdown.sink_sd_K * random.standard_normal(len(z))
-    centre, noise = np.mean(z, axis=0), float(np.median(cooling.noise_K(z)))
-    rows = _budget(cooling, centre, noise)
-    shared = {source.name for source in cooling.instruments.values()}
-    share = sum(row.share for row in rows if row.source not in shared)
-    low, high = _interval(winding)
-    extrapolation = 0.5 * (high - low) * share**0.5
+    noise = float(np.median(cooling.noise_K(z)))
+    rows = _budget(cooling, z, noise)
+    extrapolation = 0.5 * float(np.ptp(_interval(shown)))
     is_determinable = extrapolation <= within_K
     latest = None if is_determinable else _latest(cooling, z, noise, within_K)
     grid = np.linspace(0.0, float(time_s[-1]), 121)
@@ -161,7 +168,7 @@ def winding_at_shutdown(
         is_determinable=is_determinable,
         reason="" if is_determinable else _reason(time_s[0], extrapolation, within_K, latest),
         winding_degC=float(np.median(winding)),
-        winding_95_degC=(low, high),
+        winding_95_degC=_interval(winding),
         standard_uncertainty_K=float(np.std(winding)),
         gum_uncertainty_K=combined(rows),
         sink_degC=readings.sink_degC,
@@ -174,7 +181,10 @@ def winding_at_shutdown(
         limits=_limits(motor, winding, winding - sink),
         by_hand=tuple(
             by_hand(
-                time_s, degC, readings.sink_degC, allowed_delay_s(motor.shutdown.rated_output_kW)
+                readings.time_s,
+                readings.degC,
+                readings.sink_degC,
+                allowed_delay_s(motor.shutdown.rated_output_kW),
             )
         ),
         budget=rows,
@@ -186,20 +196,27 @@ def winding_at_shutdown(
         reading_degC=degC,
         notes=readings.notes,
         sha256=readings.sha256,
+        left_out=readings.left_out,
     )
 
 
-def _reduced(readings: Readings) -> tuple[np.ndarray, np.ndarray]:
-    """Return times and temperatures; means of blocks where a logger has written many."""
+def _reduced(readings: Readings) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return times, temperatures, and scatter over that of a reading; means of blocks where a
+    logger has written many.
+    """
     num = readings.time_s.size
     if num <= MOST_READINGS:
-        return readings.time_s, readings.degC
-    edges = np.linspace(0, num, MOST_READINGS + 1).astype(int)
+        return readings.time_s, readings.degC, np.ones(num)
+    places = np.arange(MOST_READINGS + 1)
+    # the growth at which the widths 1, r, r^2, … add up to all readings
+    growth = brentq(lambda r: np.sum(r ** places[:-1]) - num, 1.0, 2.0)
+    ends = np.floor((growth**places - 1.0) / (growth - 1.0) + 1e-6).astype(int)
+    edges = np.append(np.maximum(ends, places)[:-1], num)
     counts = np.diff(edges)
     time_s, degC = (
         np.add.reduceat(one, edges[:-1]) / counts for one in (readings.time_s, readings.degC)
     )
-    return time_s, degC
+    return time_s, degC, np.maximum(counts**-0.5, LEAST_SCATTER)
 
 
 def _interval(draws: np.ndarray) -> tuple[float, float]:
@@ -210,23 +227,34 @@ def _interval(draws: np.ndarray) -> tuple[float, float]:
 def _linear(
     cooling: Cooling, centre: np.ndarray, noise: float, time_s: np.ndarray | None = None
 ) -> tuple[np.ndarray, float]:
-    """Return what each standard normal number and the scatter bring to the answer [K]."""
+    """Return what each standard normal number and the scatter bring to the answer near one machine
+    [K], to first order.
+    """
     steps = STEP * np.eye(len(cooling.names))
     both = np.concatenate([centre + steps, centre - steps])
     read = cooling.predicted(both, time_s)
     J = ((read[: len(cooling.names)] - read[len(cooling.names) :]) / (2.0 * STEP * noise)).T
+    J /= cooling.scatter[:, None]
     at = cooling.winding(both, np.zeros(1))[:, 0]
     g = (at[: len(cooling.names)] - at[len(cooling.names) :]) / (2.0 * STEP)
     moved = np.linalg.solve(np.eye(len(cooling.names)) + J.T @ J, g)
-    return -moved, float(np.linalg.norm(J @ moved))
+    return moved, float(np.linalg.norm(J @ moved))
 
 
-def _budget(cooling: Cooling, centre: np.ndarray, noise: float) -> tuple[BudgetRow, ...]:
+def _budget(cooling: Cooling, z: np.ndarray, noise: float) -> tuple[BudgetRow, ...]:
     """Return the sources by the rule of `heatrun.results.budget`; the readings tell nothing of the
     instruments.
+
+    What the mean of the answer moves by with the prior mean of a number, or with a reading, is its
+    covariance with that number, or with the slope of the log likelihood by that reading: exact, and
+    not that of one machine in the middle, of which none of the draws may be near.
     """
-    moved, scatter = _linear(cooling, centre, noise)
-    at = cooling.winding(centre[None], np.zeros(1))[0]
+    shown = cooling.winding(z, np.zeros(1))[:, 0]
+    off = (shown - np.mean(shown)) / len(z)
+    moved = off @ z
+    sd = cooling.noise_K(z) * cooling.scatter
+    scatter = float(np.linalg.norm(off @ ((cooling.predicted(z) - cooling.reading_degC) / sd)))
+    at = np.mean(shown)[None]
     own = {source.name: source for source in (*cooling.sources.values(), cooling.sink)}
     parts = []
     for name in dict.fromkeys(cooling.names):
