@@ -41,7 +41,7 @@ LOCKED = changed(
         HEATED, 3.0 * 0.0062 * (234.5 + CLEAN["winding_degC"]) / 259.5 * 100.0**2, CLEAN["losses_W"]
     ),
 )
-SLID = (SMOOTH.time_s > 1200.0) & (SMOOTH["phase_current_A"] > 50.0)
+SLID_K = np.interp(SMOOTH.time_s, [1200.0, 1260.0], [-4.0, 8.0])
 RESTING = heat_run(3, 40.0, currents=(150.0, 100.0, 0.0), step_s=0.5)
 TURNS = RESTING["phase_current_A"] > 10.0
 RIPPLE = np.random.default_rng(3).uniform(7.0, 10.0, TIME.size)
@@ -194,7 +194,7 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
     ),
     "below the housing": (
         "sensor_detached",
-        changed(SMOOTH, housing_degC=SMOOTH["winding_degC"] + np.where(SLID, 8.0, -4.0)),
+        changed(SMOOTH, housing_degC=SMOOTH["winding_degC"] + SLID_K),
         MOTOR, "error",
     ),
     "one NaN": (

@@ -83,8 +83,11 @@ def losses_of_dc_link(record: Record, motor: Motor) -> Iterator[Finding]:
     """Warn of losses that are all the power of a DC link.
 
     A link holds its voltage while its current follows the load. In a coil under direct current,
-    where all power is heat, voltage over current follows the temperature of the copper.
+    where all power is heat, voltage over current follows the temperature of the copper. Of a power
+    that the motor file calls that of the terminals nothing is said.
     """
+    if any(one.channel == "electrical_power_W" for one in record.mapping):
+        return
     for name in ("dc_current_A", "phase_current_A"):
         time_s, voltage, current, losses, winding = samples(
             record, "dc_voltage_V", name, "losses_W", "winding_degC"

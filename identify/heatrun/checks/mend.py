@@ -21,6 +21,9 @@ from .which_unit import read_otherwise
 OF_THE_READING = ("sensor_detached", "temperature_jump", "sensor_stuck")
 """Findings after which the winding's readings are left out while they last."""
 
+MOST_JUMPS = 4
+"""A sensor that goes and comes back twice jumps so often [1]; more is how it was written down."""
+
 SHOWN = 20
 """Samples that show what a sink was before its sensor failed [1]."""
 
@@ -80,7 +83,8 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
 def _without(record: Record, finding: Finding) -> Record:
     """Return a record without a body that is off, or with a sink that stays as it was before."""
     channel = finding.where.split(", ")[-2]
-    if finding.values.get("num_lasting") == 0.0:
+    num_jumps, num_lasting = (finding.values.get(f"num_{of}", 1.0) for of in ("jumps", "lasting"))
+    if not num_lasting or (num_jumps or 0.0) > MOST_JUMPS:
         return record
     rest = {name: column for name, column in record.channels.items() if name != channel}
     if channel not in BODIES:
