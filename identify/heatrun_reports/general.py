@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
+
 import numpy as np
 
 from heatrun.errors import InputError
+from heatrun.io.texts import SENTENCES
+from heatrun.record.balance_errors import shaft_power_disagrees
 from heatrun.record.motor import Motor
-from heatrun.record.record import Record
-from heatrun.record.samples import samples
+from heatrun.record.record import Finding, Record
+from heatrun.record.samples import samples, sink_channel
 
 from .analysis.drive import Course, electrical_power, has, integrate, with_powers
 from .analysis.general_information import (
@@ -18,9 +23,9 @@ from .analysis.general_information import (
     general_information,
 )
 from .analysis.operating_map import OperatingMap, above_one, operating_map
-from .bench_test_types import TEST_TYPES
+from .bench_test_types import NOT_OF_THE_MACHINE, TEST_TYPES
 from .figures.plot import courses, energy_course, plane
-from .operating_ranges import ShaftEnergy, recorded, shaft_energy, signal_table
+from .operating_ranges import ShaftEnergy, recorded, rise_lines, shaft_energy, signal_table
 from .report import Column, Drawing, Line, Report, Row, Table
 
 WORTH_SAYING = 0.01
@@ -72,7 +77,7 @@ def general_report(motor: Motor, record: Record) -> Report:
         motor=motor.name,
         summary=information_summary(found, record),
         rows=information_rows(found),
-        tables=(signal_table(record, recorded(record)),),
+        tables=(_signals(record, motor),),
         drawings=tuple(drawings),
         findings=(*record.findings, *found.findings),
         definitions=information_definitions(found),
@@ -113,6 +118,15 @@ def information_summary(found: GeneralInformation, record: Record) -> str:
 
 def _why(reason: str) -> str:
     return f"undefined: {reason}" if reason else ""
+
+
+def _signals(record: Record, motor: Motor) -> Table:
+    """Return the signals, with the rises of the machine's temperatures over its sink."""
+    measured = signal_table(record, recorded(record))
+    sink = sink_channel(motor)
+    inside = [c for c in recorded(record) if c.endswith("_degC") and c not in NOT_OF_THE_MACHINE]
+    rises = rise_lines(record, inside, sink) if sink in record else ()
+    return replace(measured, lines=(*measured.lines, *rises))
 
 
 EFFICIENCY = (
@@ -185,6 +199,7 @@ def energy_report(motor: Motor, record: Record) -> Report:
         findings=(
             *record.findings,
             *found.findings,
+            *_of_balance(record, motor),
             *(() if shaft is None else above_one(record, _efficiencies(shaft, found_map))),
         ),
         definitions=definitions,
@@ -192,6 +207,17 @@ def energy_report(motor: Motor, record: Record) -> Report:
         sources=record.sources,
         result=found,
     )
+
+
+def _of_balance(record: Record, motor: Motor) -> Iterator[Finding]:
+    """Yield what the inputs tell of torque and powers, which a calibration corrects and energies
+    do not.
+    """
+    for one in shaft_power_disagrees(record, motor) if "losses_W" in record else ():
+        seen, *_ = SENTENCES.split(one.message)
+        remedy, *_ = SENTENCES.split(one.remedy)
+        as_they_are = "Energies and efficiency here are of the signals as they are."
+        yield replace(one, message=f"{seen} {as_they_are}", remedy=remedy, test=record.name)
 
 
 def _summary(found: GeneralInformation, record: Record, shaft: ShaftEnergy | None) -> str:

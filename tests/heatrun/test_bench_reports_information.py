@@ -12,13 +12,15 @@ import numpy as np
 import pytest
 
 from heatrun.errors import InputError
+from heatrun.io.texts import Texts
 from heatrun.record.channels import CHANNELS
 from heatrun.record.motor import Motor
 from heatrun.record.record import Record
+from heatrun.reports.printed import told
 from heatrun.results import to_json
 from heatrun_reports import TEST_TYPES, Reference, build_report, make_report
 from heatrun_reports.analysis.general_information import general_information
-from heatrun_reports.analysis.operating_map import operating_map
+from heatrun_reports.analysis.operating_map import above_one, operating_map
 from heatrun_reports.content import report_content
 from heatrun_reports.csv_table import csv_table
 from heatrun_reports.document import document_content
@@ -236,6 +238,35 @@ def test_an_efficiency_above_one_is_a_finding():
                   vehicle_speed_km_per_h=30)  # fmt: skip
     report = build_report("energy", CAR, record)
     assert "efficiency_above_one" in {f.id for f in report.findings}
+
+
+def test_a_torque_at_standstill_is_told_beside_the_efficiency_in_any_language():
+    """A transducer that reads 1.2 N m at rest: 95.9 % in the report and not a word."""
+    time_s = np.arange(0.0, 1800.0, 2.0)
+    runs = (time_s > 600.0) & (time_s < 1200.0)
+    speed, torque = 1500.0 * runs, 18.0 * runs + 1.2
+    shaft = torque * speed * np.pi / 30.0
+    record = made("offset", time_s, speed_rpm=speed, torque_Nm=torque, mechanical_power_W=shaft,
+                  phase_current_A=20.0 * runs, electrical_power_W=shaft + 100.0 * runs,
+                  losses_W=100.0 * runs, ambient_degC=21.0, winding_degC=22.0)  # fmt: skip
+    motor = Motor("m", phase_resistance_ohm=0.05)
+    report = build_report("energy", motor, record)
+    (seen,) = [f for f in report.findings if f.id == "shaft_power_disagrees"]
+    assert "no torque at standstill without current; it reads 1.2 N m" in seen.message
+    assert "no temperature" not in seen.message  # nothing is corrected here
+    above = above_one(record, np.array([0.9, 1.05]))
+    for each in (seen, *above):
+        for language in ("de", "it"):
+            said, is_known = told(each, Texts(language))
+            assert is_known, said
+
+
+def test_a_temperature_has_its_rise_beside_it():
+    record = made("warm", np.arange(100.0), winding_degC=80.0, ambient_degC=20.0, torque_Nm=1.0)
+    report = build_report("general", Motor("m", phase_resistance_ohm=0.05), record)
+    lines = {line.name: line for line in report.tables[0].lines}
+    assert "winding over ambient" in lines
+    assert sum("over ambient" in name for name in lines) == 1
 
 
 PRINTED = {

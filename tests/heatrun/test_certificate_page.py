@@ -13,6 +13,7 @@ import pytest
 from matplotlib.figure import Figure
 from pypdf import PdfReader
 
+from heatrun.io.texts import Texts
 from heatrun.record.derive import BY_CONSTANTS
 from heatrun.record.motor import Certificate, Instrument
 from heatrun.record.record import Finding
@@ -241,6 +242,17 @@ def test_findings_stand_before_the_annex_the_worst_first(result, tmp_path):
     places = [second.index(word) for word in ("Findings", "Worst.", "Larger.", "Notes: 1", "Annex")]
     assert places == sorted(places)
     assert "Small." not in second
+
+
+def test_figures_and_control_tests_are_told_in_words(result):
+    test = replace(result.tests[0], role="calibration")
+    for num, words in ((1, "Dazu 1 Kontrollprüfung der"), (2, "Dazu 2 Kontrollprüfungen der")):
+        tests = (test, *num * [replace(test, role="holdout")])
+        found = sheet_content(replace(result, tests=tests), Certificate(), Texts("de"))
+        assert any(words in text for _, text in found["certificate"]["statement"])
+    names = [name for name, *_ in found["derived"]]
+    assert "Kurze Zeitkonstante bei Strom" in names
+    assert not any("_" in name for name in names if not name.startswith("S2"))
 
 
 def test_what_the_motor_file_states_is_not_called_measured(result):

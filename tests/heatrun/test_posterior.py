@@ -258,7 +258,8 @@ def test_weighted_draws_that_cannot_be_trusted_give_way_to_the_ensemble_which_sa
     assert asked.convergence.num_steps == 80  # half of the steps, less the burn-in: too few
     assert 6.0 * asked.convergence.autocorrelation > 160
     assert "With `--quick`, MCMC took the place of importance sampling" in asked.sentence()
-    assert f"Pareto k {asked.weighted.pareto_k:.2f}" in asked.sentence()
+    said = f"tail of the weights, Pareto k {asked.weighted.pareto_k:.2f}, limit 0.7;"
+    assert said in asked.sentence()
     assert told.pop(0).endswith("MCMC instead: the first steps")  # the plan is made anew
     assert told
     assert all("importance sampling is not reliable here" in sentence for sentence in told)

@@ -162,7 +162,8 @@ def verdict(
         name, text = "undecided", f"The data do not decide between {' and '.join(titles.values())}"
     return NetworkVerdict(
         order=name,
-        sentence=f"{text} (log Bayes factor of {large} to {small}: {factor:+.0f}).{held}",
+        sentence=f"{text} (log Bayes factor of {large} to {small}: {factor:+.0f}; beyond "
+        f"±{DECISIVE:g} it decides).{held}",
         log_bayes_factor=factor,
         log_score_difference=UNSET if scores is None else scores.difference,
         log_score_difference_se=UNSET if scores is None else scores.standard_error,

@@ -109,10 +109,12 @@ class Posterior:
             drawn = "Drawn from the normal law around the fit: the intervals are indicative."
             if self.behind is None:
                 return drawn
-            refused = f"The tests refuse this network (log Bayes factor {-self.behind:.0f})."
+            factor = f"log Bayes factor {-self.behind:.0f} against the other"
+            refused = f"The tests refuse this network ({factor})."
             return f"{refused} {drawn} Calibrate it alone to have it sampled."
         figures = (
-            f"Pareto k {self.weighted.pareto_k:.2f}, limit {PARETO_LIMIT:g}; effective sample size "
+            f"tail of the weights, Pareto k {self.weighted.pareto_k:.2f}, limit "
+            f"{PARETO_LIMIT:g}; effective sample size "
             f"{self.weighted.effective_size:.0f}, at least {LEAST_EFFECTIVE:g}"
         )
         if self.convergence is not None:

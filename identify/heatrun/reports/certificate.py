@@ -281,7 +281,7 @@ def _measured(result: FitResult, fitted: list[DescribedTest], say: Texts) -> str
         )
     ]  # fmt: skip
     if held := len([test for test in result.tests if test.role == "holdout"]):
-        sentences.append(say("held_out", num=held))
+        sentences.append(say("held_out_one" if held == 1 else "held_out", num=held))
     for channel, num in stated.items():
         key = "as_stated" if num == len(fitted) else "as_stated_in"
         sentences.append(say(key, what=_sentence(what[channel]), num=num, all=len(fitted)))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..io.quantities import clean, quantity
-from ..io.texts import LANGUAGES, Texts
+from ..io.texts import LANGUAGES, Texts, table
 from ..io.whole_files import command_without_folders, without_folders
 from ..readers.mapping import KNOWN_BY, assumption, grouped
 from ..record.motor import Certificate
@@ -68,7 +68,7 @@ def sheet_content(
         "bodies": _bodies(model, say),
         "replica": _replica(model, say),
         "derived": [
-            [name, *(_derived(entry, say))]
+            [_named(name, say), *(_derived(entry, say))]
             for name, entry in model.derived.items()
             if name not in ON_PAGE_1 and not name.endswith((LOADED, AT_REST))
         ],
@@ -222,6 +222,12 @@ def _budget(line: ParameterLine, say: Texts) -> list[str]:
     both = (format_value(u, of_draws)[0] for u in (combined(line.budget), of_draws))
     words = "; ".join(f"{source}: {100.0 * share:.0f} %" for source, share in sources)
     return [clean(line.name), *(say.number(quantity(u, unit)) for u in both), words]
+
+
+def _named(figure: str, say: Texts) -> str:
+    """Return a derived figure in words; one that the table lacks, such as of a node, by its key."""
+    key = f"figure_{figure}"
+    return say(key) if key in table() else figure
 
 
 def _derived(entry: DerivedFigure, say: Texts) -> list[str]:

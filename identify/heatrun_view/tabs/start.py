@@ -139,7 +139,8 @@ class Start:
         }
         parts: list[pn.viewable.Viewable] = [row.view for row in self._rows]
         for gap in missing:
-            parts.append(text_pane(message("warning", f"{_name(gap)}: {gap.sentence}")))
+            said = gap.sentence.replace("--model first", "the first-order network")
+            parts.append(text_pane(message("warning", f"{_name(gap)}: {said}")))
             parts += [self._numbers[_name(gap)]] if gap.number else []
         self._columns[:] = parts
         self._form.visible = True
