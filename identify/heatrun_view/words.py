@@ -139,7 +139,7 @@ def shutdown_html(result: ShutdownResult) -> str:
         f"<h3>{escape(first)}</h3>" if result.is_determinable else message("error", first),
         *(f"<p>{escape(line)}</p>" for line in rest),
         "<h3>By hand from the same readings</h3>",
-        table(("method", "winding [°C]", "difference [K]"), hand_cells(result)),
+        table(("method", "winding [°C]", "difference [K]", "source"), hand_cells(result)),
         "<h3>Where the uncertainty comes from (GUM)</h3>",
         table(BUDGET, budget_cells(result)),
         f"<p>{escape(budget_sum(result))}</p>",

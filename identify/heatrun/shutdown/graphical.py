@@ -22,6 +22,12 @@ FIRST_S = 300.0
 """The part of the readings that is extrapolated by a line or a parabola [s]: as a hand would."""
 
 
+BY_EYE_K, LEAST_S = 0.5, 60.0
+"""By how much the first reading may lie off a line that a hand draws through the first ones [K],
+and what of them it takes anyway [s]: on a logarithmic scale the course bends, and a line through
+all of it would pass below the first reading."""
+
+
 @dataclass(frozen=True)
 class ByHand:
     """One method by hand.
@@ -61,13 +67,13 @@ def by_hand(
     if np.sum(near) < 4:
         near = np.arange(time_s.size) < 4
     t, T = time_s[near], degC[near]
-    standard = "IEC 60034-1, semi-logarithmic plot"
+    standard = "IEC 60034-1, 8.6.2.3 (from memory), plot"
     rise = T - sink_degC
-    line = np.polyfit(t, np.log(rise), 1) if np.all(rise > 0.0) else np.full(2, np.nan)
+    line = _line(t, rise) if np.all(rise > 0.0) else np.full(2, np.nan)
     rows = [
         ByHand(
             "first reading as it is",
-            "IEC 60034-1, within the delay",
+            "IEC 60034-1, 8.6.2.3 and table 5 (from memory)",
             float(degC[0]),
             float(time_s[0]),
         ),
@@ -80,6 +86,17 @@ def by_hand(
         rows.append(ByHand("parabola to 0 s", "usual practice", float(np.polyfit(t, T, 2)[2])))
     rows.append(ByHand("one exponential with its own end, to 0 s", "usual practice", _single(t, T)))
     return rows
+
+
+def _line(t: np.ndarray, rise: np.ndarray) -> np.ndarray:
+    """Return slope and start of the line of log(rise) through as many readings as it can hold."""
+    fewest = max(min(4, t.size), int(np.sum(t <= t[0] + LEAST_S)))
+    line = np.full(2, np.nan)
+    for num in range(t.size, fewest - 1, -1):
+        line = np.polyfit(t[:num], np.log(rise[:num]), 1)
+        if abs(np.exp(np.polyval(line, t[0])) - rise[0]) <= BY_EYE_K:
+            break
+    return line
 
 
 def _single(t: np.ndarray, T: np.ndarray) -> float:

@@ -62,20 +62,20 @@ def _limit(limit: Limit) -> str:
     return f"{name}: {left}; within it with a probability of {100.0 * limit.probability:.0f} %"
 
 
-def hand_cells(result: ShutdownResult) -> list[tuple[str, str, str]]:
-    """Return the methods by hand: name, temperature [degC], difference to the answer [K]."""
+def hand_cells(result: ShutdownResult) -> list[tuple[str, str, str, str]]:
+    """Return the methods by hand: name, winding [degC], difference to the answer [K], source."""
     return [
-        (row.method, "not applicable", "")
+        (row.method, "not applicable", "", row.source)
         if math.isnan(row.degC)
-        else (row.method, f"{row.degC:.1f}", f"{row.degC - result.winding_degC:+.1f}")
+        else (row.method, f"{row.degC:.1f}", f"{row.degC - result.winding_degC:+.1f}", row.source)
         for row in result.by_hand
     ]
 
 
 def _by_hand(result: ShutdownResult) -> list[str]:
     return [
-        f"  {method:<42} " + (f"{degC:>7} °C  {off:>6} K" if off else degC)
-        for method, degC, off in hand_cells(result)
+        f"  {method:<42} " + (f"{degC:>7} °C  {off:>6} K" if off else degC) + f"  ({source})"
+        for method, degC, off, source in hand_cells(result)
     ]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from ..errors import InputError
-from ..readers.read import read_record
+from ..readers.read import read_raw, read_record
 from ..record.by_resistance import CIRCUITS
 from ..record.header import split_name
 from ..record.motor import Motor
@@ -211,8 +211,53 @@ def _read(path: Path, motor: Motor) -> Record:
             "winding_resistance_ohm or winding_degC.",
         )
     text = ohms[0] if len(ohms) == 1 else f"mean({', '.join(ohms)})"
+    of_pair = _in_turn(path, ohms)
+    if of_pair is not None:
+        text = ohms[0]  # for its unit and the times
     columns = {**motor.columns_of(record.name), "winding_resistance_ohm": text}
-    return read_record(path, replace(motor, columns=columns, tests={}))
+    read = read_record(path, replace(motor, columns=columns, tests={}))
+    if of_pair is None or of_pair.shape[1] != read.time_s.size:
+        return read
+    values = _one_at_a_time(read.time_s, of_pair)
+    first = int(np.flatnonzero(np.isfinite(of_pair[0]))[0])
+    unit = read["winding_resistance_ohm"][first] / of_pair[0, first]
+    note = f"Read in turn: {', '.join(ohms)}; each by its own part of their mean."
+    channels = {**read.channels, "winding_resistance_ohm": unit * values}
+    return replace(read, channels=channels, notes=(*read.notes, note))
+
+
+def _in_turn(path: Path, names: list[str]) -> np.ndarray | None:
+    """Return the cells of pairs of terminals, shape (pair, time), where each row has one at most."""
+    cells = {column.name: column.values for column in read_raw(path).columns}
+    units = {split_name(name)[1] for name in names}
+    if len(names) < 2 or len(units) > 1 or not set(names) <= set(cells):
+        return None
+    read = np.stack([cells[name] for name in names])
+    return read if np.all(np.sum(np.isfinite(read), axis=0) <= 1) else None
+
+
+DEGREE = 5
+"""Of the polynomial over log(time) that all pairs of terminals share, while their parts are found."""
+
+
+def _one_at_a_time(time_s: np.ndarray, read: np.ndarray) -> np.ndarray:
+    """Return the mean resistance of pairs of terminals that were read in turn, in their unit.
+
+    A pair's part of the mean is a constant of the machine; all pairs cool along one course.
+    """
+    pair, row = np.nonzero(np.isfinite(read))
+    late = np.log(time_s[row] - time_s[0] + 60.0)
+    course = np.polynomial.chebyshev.chebvander(
+        2.0 * (late - late.min()) / max(float(np.ptp(late)), 1e-9) - 1.0, DEGREE
+    )
+    design = np.concatenate([course, np.eye(len(read))[pair][:, 1:]], axis=1)
+    fitted = np.linalg.lstsq(design, np.log(read[pair, row]), rcond=None)[0]
+    parts = np.exp(np.append(0.0, fitted[DEGREE + 1 :]))
+    parts /= np.mean(parts)
+    found = read / parts[:, None]
+    is_read = np.isfinite(found).any(axis=0)
+    found[:, ~is_read] = 0.0
+    return np.where(is_read, np.nanmean(found, axis=0), np.nan)
 
 
 def _is_resistance(name: str) -> bool:

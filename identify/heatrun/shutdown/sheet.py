@@ -127,10 +127,11 @@ def _answer(book: Any, cells: Cells, result: ShutdownResult) -> None:
         row += 1
         for column, one in enumerate((name, value, low, high, unit)):
             write(sheet, row, column, one, cells.digits(1))
-    sheet.write_row(row + 2, 0, ("by hand", "winding [°C]", "difference [K]"), cells.bold)
+    sheet.write_row(row + 2, 0, ("by hand", "winding [°C]", "difference [K]", "source"),
+                    cells.bold)  # fmt: skip
     for one in result.by_hand:
         off = one.degC - result.winding_degC
-        for column, value in enumerate((one.method, one.degC, off)):
+        for column, value in enumerate((one.method, one.degC, off, one.source)):
             write(sheet, row + 3, column, value, cells.digits(1))
         row += 1
     for note in said["notes"]:
