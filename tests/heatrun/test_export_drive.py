@@ -149,6 +149,10 @@ def test_a_certified_current_is_the_rated_one(day, monkeypatch):
     ohm = content["winding"]["constant_resistance_ohm"]
     missed = content["bodies"]["one"]["bias"]["colder_than_upper_95_at_most_K"]
     assert sink + 3.0 * ohm * amperes**2 * R + missed == pytest.approx(155.0)
+    names = {entry["name"].split()[0]: entry["value"] for entry in content["names"]}
+    assert names["p0305"] == names["9906"] == min(140.0, amperes[0])
+    assert names["p0627"] == names["35.54"] == pytest.approx(3.0 * ohm * names["p0305"] ** 2 * R[0])
+    assert sink + names["p0627"] <= names["p5391"] + 1e-6, "it trips at its own rated current"
 
 
 @pytest.fixture

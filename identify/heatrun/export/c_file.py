@@ -334,6 +334,8 @@ class CSource:
             "has_coolant": str(int("coolant_degC" in inputs)),
             "has_warmth": str(int(any(e["id"] in BY_WARMTH for e in found["effects"]))),
             **self.largest(),
+            "speed_limit": f"#define HEATRUN_MAX_SPEED_RPM {self.largest()['max_speed']}\n"
+            if "speed_rpm" in inputs else "",  # an unused one is a finding of MISRA
             "node_enumerators": ",\n".join(
                 f"    HEATRUN_NODE_{name} = {i} /* {in_comment(node)} */"
                 for i, (name, node) in enumerate(zip(names, self.nodes, strict=True))
@@ -425,6 +427,7 @@ class CSource:
             "answer_sd": repr(missed.answer),
             "answer_decay": repr(math.exp(-self.step * rate)),
             "heat_decay": repr(math.exp(-self.step / heat_s)),
+            "errors": repr(float(W_per_K) * math.hypot(missed.sensor_K, missed.sink_K)),
             "blind": repr(float(self.step * losses / lightest)),
         }
 

@@ -201,15 +201,16 @@ SIEMENS = (
 BECKHOFF = "Beckhoff Information System, AX8000 objects, 32C8 AsynchronousMotor thermal model"
 MBED = "firmware motor_driver (os.mbed.com/users/adimmit/code/motor_driver), Config/motor_config.h"
 ROS = "driver ethercat_hardware (docs.ros.org), MotorHeatingModelParameters"
+RATED_HERE = "the rated current above, or less: with it one body comes to its lowered limit"
 NAMES = (
-    (ABB, "35.54 Motor nominal temperature rise", "one.rise", "at the rated current"),
+    (ABB, "35.54 Motor nominal temperature rise", "rise", "at the current of these names"),
     (ABB, "35.55 Motor thermal time constant", "one.tau", "takes 100 to 10000 s"),
     (ABB_550, "3006 MOT THERM TIME", "one.tau", "takes 256 to 9999 s"),
-    (ABB_550, "9906 MOTOR NOM CURR", "rated", "the rated current above"),
-    (SIEMENS, "p0305 Rated motor current", "rated", "the rated current above"),
+    (ABB_550, "9906 MOTOR NOM CURR", "rated", RATED_HERE),
+    (SIEMENS, "p0305 Rated motor current", "rated", RATED_HERE),
     (SIEMENS, "p0611 I2t motor model thermal time constant", "one.tau", ""),
     (SIEMENS, "p0613 Mot_temp_mod 1/3 ambient temperature", "sink", ""),
-    (SIEMENS, "p0627 Motor overtemperature, stator winding", "one.rise", "at p0305"),
+    (SIEMENS, "p0627 Motor overtemperature, stator winding", "rise", "at p0305"),
     (SIEMENS, "p5391 Mot_temp_mod 1/3 fault threshold", "limit.one", "less what the body misses"),
     (BECKHOFF, "32C8:01 Motor thermal time constant", "two.tau_slow", ""),
     (BECKHOFF, "32C8:02 Winding thermal time constant", "two.tau_winding", "takes 0 to 3600 s"),
@@ -242,8 +243,12 @@ def _names(content: Mapping[str, Any], sink_ohm: float) -> list[dict[str, Any]]:
     """
     bodies = content["bodies"]
     warm = bodies["one_with_rising_resistance"]["values"]
+    one, rated = bodies["one"]["values"], content["rated"]["current_A"]
+    # one body is hotter than the machine: it would trip at a rating that the machine bears
+    amperes = min(rated, one["continuous"]["value"]) if "continuous" in one else rated
     known_as = {
-        "rated": (content["rated"]["current_A"], "A"),
+        "rated": (amperes, "A"),
+        "rise": (one["rise"]["value"] * (amperes / rated) ** 2, "K"),
         "sink": (content["tested"]["sink_degC"], "degC"),
         "sink_ohm": (sink_ohm, "ohm"),
         "1/R": (1.0 / warm["R"]["value"], "W/K"),

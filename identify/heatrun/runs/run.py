@@ -33,7 +33,7 @@ from ..results import DiscoveryResult, FitResult, from_json
 from ..results.model import DescribedTest
 from ..results.values import Role, known
 from . import stored_draws
-from .run_folder import MANIFEST, SourceFile, as_named, read_listed, refuse_changed
+from .run_folder import MANIFEST, SourceFile, as_named, found_from, read_listed, refuse_changed
 
 if TYPE_CHECKING:  # what computes with a run is loaded when it does
     from ..model.draws import Draws, PlausibleEffect
@@ -250,13 +250,17 @@ class Run:
     def source(self, test: RunTest) -> str:
         """Return a test as the command line names it: its files, sheets, rates and stretch.
 
+        A path that leads nowhere from here is followed from the folders around the run.
+
         Raises:
             InputError: If a file is gone or has changed since the run.
         """
+        command, found = self.result.command, []
         for file in test.files:
-            refuse_changed(file, self.path, "record")
-        command = self.result.command
-        files = "+".join(as_named(file.path, test.name, command) for file in test.files)
+            place = found_from(file.path, self.path)
+            refuse_changed(replace(file, path=place), self.path, "record")
+            found.append(place + as_named(file.path, test.name, command)[len(file.path) :])
+        files = "+".join(found)
         stretch = known(test.said.stretch)
         return f"{files}@{stretch}" if stretch else files
 

@@ -82,6 +82,16 @@ def _parts(word: str) -> list[str]:
     return [test, *test.split("+")]
 
 
+def found_from(path: str, run: Path) -> str:
+    """Return a path as it is where it leads to a file, else from the nearest folder around the run
+    that it leads to one from.
+    """
+    if Path(path).is_file() or Path(path).is_absolute():
+        return path
+    around = (str(folder / path) for folder in run.resolve().parents if (folder / path).is_file())
+    return next(around, path)
+
+
 def refuse_changed(file: SourceFile, run: Path, kind: str) -> None:
     """Refuse a file that is not what it was when the run was made.
 

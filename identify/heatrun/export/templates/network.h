@@ -36,10 +36,7 @@ typedef HEATRUN_REAL heatrun_real;
 /* Inputs beyond these are refused; temperatures hold for sinks and nodes. */
 #define HEATRUN_MAX_CURRENT_A $max_current
 #define HEATRUN_MAX_LOSSES_W $max_losses
-#if HEATRUN_HAS_SPEED
-#define HEATRUN_MAX_SPEED_RPM $max_speed
-#endif
-#define HEATRUN_MIN_DEGC (-100.0)
+$speed_limit#define HEATRUN_MIN_DEGC (-100.0)
 #define HEATRUN_MAX_DEGC 500.0
 #define HEATRUN_MAX_STEPS 100000 /* of a horizon */
 

@@ -42,6 +42,7 @@ static const heatrun_real SLOW_DECAY = R($slow_decay);
 static const heatrun_real SINK_SD_K = R($sink_sd);
 static const heatrun_real SHARE_SD = R($share_sd);
 static const heatrun_real LOSSES_SD = R($losses_sd);
+static const heatrun_real ERRORS_W = R($errors); /* heat that errors of sensor and sink look like */
 static const heatrun_real BLIND_K = R($blind); /* growth in a step without inputs */
 static const heatrun_real ANSWER_SD = R($answer_sd); /* of a fresh change, over that change */
 static const heatrun_real ANSWER_DECAY = R($answer_decay); /* with the time of the sensed node */
@@ -262,15 +263,26 @@ static void correct(heatrun_observer *observer, heatrun_real innovation_K)
     }
 }
 
-/* Standard deviation of the step of the node that is read, where the heat is wrong [K]. */
-static heatrun_real push_sd(const drive *at, const heatrun_real now_W[NUM_NODES])
+/* Standard deviation of what may be wrong with the heat of a node [W]. */
+static heatrun_real heat_sd(const drive *at, const heatrun_real now_W[NUM_NODES], int i)
 {
-    const heatrun_parameters *p = at->parameters;
-    const heatrun_real share_W = SHARE_SD*now_W[SENSED];
-    const heatrun_real losses_W = LOSSES_SD*p->share[SENSED]*at->losses_W;
-    const heatrun_real sd_W =
-        root(HEAT_SD_W*HEAT_SD_W + share_W*share_W + losses_W*losses_W);
-    return R(HEATRUN_STEP_S)*sd_W/p->capacitance_J_per_K[SENSED];
+    const heatrun_real share_W = SHARE_SD*now_W[i];
+    const heatrun_real losses_W = LOSSES_SD*at->parameters->share[i]*at->losses_W;
+    return root(HEAT_SD_W*HEAT_SD_W + share_W*share_W + losses_W*losses_W);
+}
+
+/* Whether the filter follows the sensor by heat that nothing accounts for. */
+static int is_forced(const heatrun_observer *observer, const drive *at,
+                     const heatrun_real now_W[NUM_NODES])
+{
+    int forced = 0;
+    int i;
+    for (i = 0; i < NUM_HEATS; ++i) {
+        const heatrun_real sd_W = heat_sd(at, now_W, HEATED[i]) + ERRORS_W;
+        forced = forced
+            || !is_within(observer->heat_W[i], -R(HEATRUN_HEAT_SDS)*sd_W, R(HEATRUN_HEAT_SDS)*sd_W);
+    }
+    return forced;
 }
 
 /* Whether jumps explain how far the sensor is from the model: then it is the sensor that errs. */
@@ -282,12 +294,13 @@ static int has_jumped(const heatrun_observer *observer)
 
 /* Judge the sensor; return whether this reading may correct the model. */
 static int judge(heatrun_observer *observer, heatrun_real reading_degC, heatrun_real change_K,
-                 heatrun_real push_K)
+                 heatrun_real push_K, int forced)
 {
     heatrun_real seen[NUM_STATES];
     const heatrun_real fresh_K = ANSWER_SD*observer->fresh_K;
     const heatrun_real variance_K2 = foreseen(observer, seen) + fresh_K*fresh_K;
-    const heatrun_real innovation_K = reading_degC - shown(observer) - observer->slow_K;
+    const heatrun_real apart_K = reading_degC - shown(observer);
+    const heatrun_real innovation_K = apart_K - observer->slow_K;
     const int is_first = observer->num_missing >= HEATRUN_LOST_STEPS;
     const heatrun_real num_steps = R(1 + observer->num_missing);
     const heatrun_real changed_K = observer->changed_K + change_K;
@@ -303,7 +316,8 @@ static int judge(heatrun_observer *observer, heatrun_real reading_degC, heatrun_
     const int is_jump = jump_K*jump_K > R(HEATRUN_OFF_SDS)*R(HEATRUN_OFF_SDS)*jump_variance_K2;
     const int is_same = !is_first && !(own_K < R(0.0)) && !(own_K > R(0.0));
     const int is_used = observer->belief == HEATRUN_SENSOR_OK;
-    const heatrun_real stays_K2 = variance_K2 - white_K2 - covariance(observer, SLOW, SLOW);
+    const heatrun_real stays_K2 = covariance(observer, SHOWN, SHOWN) + fresh_K*fresh_K
+        + R(2.0)*covariance(observer, SHOWN, CONSTANT) + covariance(observer, CONSTANT, CONSTANT);
     const heatrun_real rate = R(1.0)/R(HEATRUN_MEAN_STEPS);
     int is_off = is_jump
         || innovation_K*innovation_K > R(HEATRUN_OFF_SDS)*R(HEATRUN_OFF_SDS)*variance_K2;
@@ -317,8 +331,8 @@ static int judge(heatrun_observer *observer, heatrun_real reading_degC, heatrun_
     observer->last_degC = reading_degC;
     observer->changed_K = R(0.0);
     observer->num_missing = 0;
-    observer->apart_K = is_first ? innovation_K
-        : observer->apart_K + R(0.1)*(innovation_K - observer->apart_K);
+    observer->apart_K = is_first ? apart_K
+        : observer->apart_K + R(0.1)*(apart_K - observer->apart_K);
     if (is_jump && size(own_K) > size(changed_K) && size(jump_K) > size(observer->jumped_K)
         && (size(observer->jumped_K) > R(0.0) || (is_used && observer->is_proven))) {
         observer->jumped_K = jump_K;
@@ -330,9 +344,9 @@ static int judge(heatrun_observer *observer, heatrun_real reading_degC, heatrun_
     if (is_used != 0) {
         const heatrun_real noise_K2 = R(0.5)*rate*white_K2
             + rate/(rate + R(1.0) - SLOW_DECAY)*slow_K2;
-        observer->mean_K += rate*(innovation_K - observer->mean_K);
+        observer->mean_K += rate*(apart_K - observer->mean_K);
         observer->mean_K2 += rate*((stays_K2 > R(0.0) ? stays_K2 : R(0.0)) - observer->mean_K2);
-        is_off = is_off || observer->mean_K*observer->mean_K
+        is_off = is_off || forced || observer->mean_K*observer->mean_K
             > R(HEATRUN_OFF_SDS)*R(HEATRUN_OFF_SDS)*(observer->mean_K2 + noise_K2);
     }
     observer->moved_K = is_same ? ANSWER_DECAY*observer->moved_K + change_K : R(0.0);
@@ -360,7 +374,9 @@ static int judge(heatrun_observer *observer, heatrun_real reading_degC, heatrun_
     }
     agrees = !is_stuck && observer->score == 0
         && observer->apart_K*observer->apart_K
-            < R(HEATRUN_AGREE_SDS)*R(HEATRUN_AGREE_SDS)*variance_K2;
+            < R(HEATRUN_AGREE_SDS)*R(HEATRUN_AGREE_SDS)*variance_K2
+        && (R(4.0)*size(observer->apart_K) < size(observer->jumped_K)
+            || !(size(observer->jumped_K) > R(0.0)));
     observer->num_good = agrees ? observer->num_good + 1 : 0;
     /* while the load is steady, a sensor that lags agrees too */
     observer->swing_K = agrees ? R(0.97)*observer->swing_K + changed_K : R(0.0);
@@ -464,7 +480,7 @@ heatrun_estimate heatrun_observer_step(heatrun_observer *observer, const heatrun
     heatrun_real push_K = R(0.0);
     heatrun_estimate estimate;
     drive at;
-    int i, is_lost;
+    int i, is_lost, forced = 0;
     for (i = 0; i < NUM_HEATS; ++i) {
         more_W[HEATED[i]] = observer->heat_W[i];
     }
@@ -474,7 +490,9 @@ heatrun_estimate heatrun_observer_step(heatrun_observer *observer, const heatrun
         heatrun_real now_W[NUM_NODES];
         heats(&at, observer->model.temperature_degC, now_W);
         predict_covariance(observer, &at, now_W);
-        push_K = push_sd(&at, now_W);
+        push_K = R(HEATRUN_STEP_S)*heat_sd(&at, now_W, SENSED)
+            /at.parameters->capacitance_J_per_K[SENSED];
+        forced = is_forced(observer, &at, now_W);
 #if HEATRUN_HAS_LAG
         observer->shown_degC = LAG_DECAY*observer->shown_degC
             + (R(1.0) - LAG_MEAN)*sensed(observer->model.temperature_degC)
@@ -500,15 +518,15 @@ heatrun_estimate heatrun_observer_step(heatrun_observer *observer, const heatrun
         observer->is_proven = 0;
     }
     observer->fresh_K = ANSWER_DECAY*observer->fresh_K + shown(observer) - shown_degC;
-    if (judge(observer, reading_degC, shown(observer) - shown_degC, push_K) != 0) {
+    if (judge(observer, reading_degC, shown(observer) - shown_degC, push_K, forced) != 0) {
         correct(observer, reading_degC - shown(observer) - observer->slow_K);
     }
     /* model or sensor may be right: while they disagree, the band has both in it */
     observer->doubt_K *= HEAT_DECAY;
     if (has_jumped(observer) || (observer->score == 0 && observer->belief == HEATRUN_SENSOR_OK)) {
         observer->doubt_K = R(0.0);
-    } else if (R(0.5)*size(observer->apart_K) > observer->doubt_K) {
-        observer->doubt_K = R(0.5)*size(observer->apart_K);
+    } else if (R(0.6)*size(observer->apart_K) > observer->doubt_K) {
+        observer->doubt_K = R(0.6)*size(observer->apart_K); /* two sds reach beyond the reading */
     }
     for (i = 0; i < NUM_NODES; ++i) {
         estimate.temperature_degC[i] = observer->model.temperature_degC[i];

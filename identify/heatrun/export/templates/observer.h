@@ -13,8 +13,10 @@
 #ifndef HEATRUN_SENSOR_SD_K
 #define HEATRUN_SENSOR_SD_K $sensor_sd /* its constant error */
 #endif
+/* False alarms, on a machine that is as the run has it: the mean makes less than 0.2 in 1000 h. */
 #define HEATRUN_OFF_SDS 5.0       /* a reading, its jump, or the mean of what readings and model */
 #define HEATRUN_MEAN_STEPS 300    /* differ by over so many, is suspect beyond so many sds; */
+#define HEATRUN_HEAT_SDS 4.0      /* so is one that is followed by so many sds of wrong heat; */
 #define HEATRUN_OFF_STEPS 10      /* it counts no more after so many, four sound ones undo one */
 #define HEATRUN_STUCK_K $stuck    /* the model has moved so far by itself, beyond three sds
                                    * of what wrong heat makes, while the reading stayed the same */
