@@ -84,6 +84,14 @@ def test_a_missing_loss_is_told_beside_the_power_of_the_link():
     assert "torque_Nm" not in plain[0].remedy
 
 
+def test_a_power_that_is_called_that_of_the_terminals_is_none_of_a_link():
+    link = every(changed(LINK, losses_W=300.0 * LINK["dc_current_A"]), 20)
+    assert named(check_record(link, MOTOR), "losses_of_dc_link")
+    power = ColumnReading("electrical_power_W", "P [W]", "W", "stated", "[columns]", "t.csv")
+    known = replace(changed(link, electrical_power_W=link["losses_W"]), mapping=(power,))
+    assert not named(check_record(known, MOTOR), "losses_of_dc_link")
+
+
 def test_a_test_of_seconds_is_told_that_it_is_short():
     cooling = heat_run(start=90.0, currents=(0.0, 0.0), minutes=0.12)
     (finding,) = named(check_record(cooling, MOTOR), "no_heating")
