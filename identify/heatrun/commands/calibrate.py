@@ -44,8 +44,8 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "--rating",
         action="append",
         default=[],
-        metavar="S2-MIN|S3-PCT|S6-PCT|DUTY.csv",
-        help="largest current of a duty at the insulation limit, such as S2-30 (30 min), S3-40 "
+        metavar="S1|S2-MIN|S3-PCT|S6-PCT|DUTY.csv",
+        help="largest current of a duty within the permitted rise, such as S2-30 (30 min), S3-40 "
         "(40 %% of 10 min), S6-40, or a CSV file with seconds and current_A of each phase of the "
         "cycle (S4 to S8), speed_rpm and other_losses_W where they differ; may be given several "
         "times",

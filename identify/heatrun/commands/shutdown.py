@@ -36,7 +36,8 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "--at",
         default="",
         metavar="TIME",
-        help="moment of switch-off in the time of the file, such as 10min or 14:32:05 (default: 0)",
+        help="moment of switch-off in the time of the file, such as 10min or 14:32:05 (default: 0; "
+        "a file with dates needs it)",
     )
     parser.add_argument(
         "--within",

@@ -227,7 +227,7 @@ def _read(path: Path, motor: Motor) -> Record:
 
 
 def _in_turn(path: Path, names: list[str]) -> np.ndarray | None:
-    """Return the cells of pairs of terminals, shape (pair, time), where each row has one at most."""
+    """Return cells of pairs of terminals, shape (pair, time), if no row has more than one."""
     cells = {column.name: column.values for column in read_raw(path).columns}
     units = {split_name(name)[1] for name in names}
     if len(names) < 2 or len(units) > 1 or not set(names) <= set(cells):
@@ -237,7 +237,7 @@ def _in_turn(path: Path, names: list[str]) -> np.ndarray | None:
 
 
 DEGREE = 5
-"""Of the polynomial over log(time) that all pairs of terminals share, while their parts are found."""
+"""Of the polynomial over log(time) that all pairs of terminals share."""
 
 
 def _one_at_a_time(time_s: np.ndarray, read: np.ndarray) -> np.ndarray:
