@@ -233,7 +233,7 @@ class CSource:
     def state_bytes(self) -> int:
         """Size of an observer in double [bytes]: `heatrun_observer` of the template."""
         nodes, heats, num = len(self.nodes), len(self.heated), self.num_states
-        return 8 * (2 * nodes + heats + self.is_apart + num * (num + 1) // 2 + 13) + 4 * 6
+        return 8 * (2 * nodes + heats + self.is_apart + num * (num + 1) // 2 + 13) + 4 * 8
 
     @property
     def has_observer(self) -> bool:
@@ -335,7 +335,8 @@ class CSource:
             "has_warmth": str(int(any(e["id"] in BY_WARMTH for e in found["effects"]))),
             **self.largest(),
             "speed_limit": f"#define HEATRUN_MAX_SPEED_RPM {self.largest()['max_speed']}\n"
-            if "speed_rpm" in inputs else "",  # an unused one is a finding of MISRA
+            if "speed_rpm" in inputs
+            else "",  # an unused one is a finding of MISRA
             "node_enumerators": ",\n".join(
                 f"    HEATRUN_NODE_{name} = {i} /* {in_comment(node)} */"
                 for i, (name, node) in enumerate(zip(names, self.nodes, strict=True))

@@ -333,11 +333,18 @@ static int judge(heatrun_observer *observer, heatrun_real reading_degC, heatrun_
     observer->num_missing = 0;
     observer->apart_K = is_first ? apart_K
         : observer->apart_K + R(0.1)*(apart_K - observer->apart_K);
+    /* an offset stays where it has jumped to, until it jumps back */
+    if (is_jump && R(2.0)*size(observer->jumped_K + jump_K) < size(observer->jumped_K)) {
+        observer->has_returned = 1;
+    } else if (R(2.0)*size(observer->apart_K) > size(observer->jumped_K)
+               && R(2.0)*size(innovation_K) > size(observer->jumped_K)) {
+        observer->has_returned = 0;
+    }
     if (is_jump && size(own_K) > size(changed_K) && size(jump_K) > size(observer->jumped_K)
         && (size(observer->jumped_K) > R(0.0) || (is_used && observer->is_proven))) {
         observer->jumped_K = jump_K;
     }
-    is_off = is_off || (size(observer->jumped_K) > R(0.0) /* nearer to the jump than to the model */
+    is_off = is_off || (!observer->has_returned /* nearer to the jump than to the model */
         && R(2.0)*observer->jumped_K*innovation_K > observer->jumped_K*observer->jumped_K);
     agrees = !is_off; /* so far: this reading may be used */
     /* what the filter has followed for long without need: noise is averaged away */
@@ -374,9 +381,7 @@ static int judge(heatrun_observer *observer, heatrun_real reading_degC, heatrun_
     }
     agrees = !is_stuck && observer->score == 0
         && observer->apart_K*observer->apart_K
-            < R(HEATRUN_AGREE_SDS)*R(HEATRUN_AGREE_SDS)*variance_K2
-        && (R(4.0)*size(observer->apart_K) < size(observer->jumped_K)
-            || !(size(observer->jumped_K) > R(0.0)));
+            < R(HEATRUN_AGREE_SDS)*R(HEATRUN_AGREE_SDS)*variance_K2;
     observer->num_good = agrees ? observer->num_good + 1 : 0;
     /* while the load is steady, a sensor that lags agrees too */
     observer->swing_K = agrees ? R(0.97)*observer->swing_K + changed_K : R(0.0);
@@ -389,7 +394,8 @@ static int judge(heatrun_observer *observer, heatrun_real reading_degC, heatrun_
     observer->belief = is_stuck ? HEATRUN_SENSOR_STUCK : HEATRUN_SENSOR_DISAGREES;
     if (observer->num_good >= HEATRUN_PROOF_STEPS
         || (observer->num_good >= HEATRUN_RECOVERY_STEPS
-            && (observer->has_moved || !observer->is_proven || has_jumped(observer)))) {
+            && (!observer->is_proven
+                || (has_jumped(observer) ? observer->has_returned : observer->has_moved)))) {
         widen(observer, observer->doubt_K); /* the other nodes may be farther off than this one */
         observer->doubt_K = R(0.0);
         observer->belief = HEATRUN_SENSOR_OK;
@@ -465,6 +471,7 @@ heatrun_status heatrun_observer_start(heatrun_observer *observer,
     observer->num_missing = HEATRUN_LOST_STEPS; /* no reading yet */
     observer->is_proven = 0;
     observer->has_moved = 0;
+    observer->has_returned = 0;
     observer->belief = HEATRUN_SENSOR_OK;
     return HEATRUN_OK;
 }

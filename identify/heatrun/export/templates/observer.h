@@ -59,7 +59,8 @@ typedef struct {
     int num_good;
     int num_missing; /* readings */
     int is_proven;
-    int has_moved; /* while it agreed */
+    int has_moved;    /* while it agreed */
+    int has_returned; /* by its last jump */
     heatrun_sensor belief; /* OK, STUCK or DISAGREES */
 } heatrun_observer;
 
