@@ -339,9 +339,11 @@ def _titles(
     widths = {leaf.name: len(parts) for leaf in found if (parts := courses(leaf, length))}
     named = {}
     for name, cell in variables.items():
-        texts = [one for one in cell if isinstance(one, Text)] if isinstance(cell, list) else []
+        texts: list[str] = []
+        if isinstance(cell, list) and all(isinstance(one, Text) for one in cell):
+            texts = [str(one) for one in cell]
         alike = [matrix for matrix, width in widths.items() if width == len(texts) > 1]
-        if len(alike) == 1 and len(texts) == len(cell):
+        if len(alike) == 1:
             named[alike[0]] = name, texts
     return named
 

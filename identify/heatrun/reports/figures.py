@@ -369,7 +369,7 @@ def certificate_figure(
     )
     below.axhline(0.0, color=COLOURS["second"], lw=1.2)
     below.plot(minutes, table[f"{order}_residual_K"], color=COLOURS["measured"], lw=0.7)
-    below.set_ylabel(say("residual_K"))
+    below.set_ylabel(say("residual_short_K"))
     below.set_xlabel(say("time_min"))
     axis.set_ylabel(say("temperature_degC"))
     axis.margins(x=0.01)
