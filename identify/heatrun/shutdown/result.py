@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 from ..record.motor import LIMIT_DEGC, Motor
 from ..results.budget import BudgetRow, Part, budget, combined
@@ -209,7 +209,7 @@ def _reduced(readings: Readings) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return readings.time_s, readings.degC, np.ones(num)
     places = np.arange(MOST_READINGS + 1)
     # the growth at which the widths 1, r, r^2, … add up to all readings
-    growth = brentq(lambda r: np.sum(r ** places[:-1]) - num, 1.0, 2.0)
+    growth = root_scalar(lambda r: np.sum(r ** places[:-1]) - num, bracket=(1, 2)).root
     ends = np.floor((growth**places - 1.0) / (growth - 1.0) + 1e-6).astype(int)
     edges = np.append(np.maximum(ends, places)[:-1], num)
     counts = np.diff(edges)
@@ -254,7 +254,7 @@ def _budget(cooling: Cooling, z: np.ndarray, noise: float) -> tuple[BudgetRow, .
     moved = off @ z
     sd = cooling.noise_K(z) * cooling.scatter
     scatter = float(np.linalg.norm(off @ ((cooling.predicted(z) - cooling.reading_degC) / sd)))
-    at = np.mean(shown)[None]
+    at = np.array([np.mean(shown)])
     own = {source.name: source for source in (*cooling.sources.values(), cooling.sink)}
     parts = []
     for name in dict.fromkeys(cooling.names):
