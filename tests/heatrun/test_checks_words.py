@@ -27,6 +27,7 @@ from heat_runs import (
 
 import heatrun
 from heatrun.checks import check_record, excitation
+from heatrun.checks.advice import use_line
 from heatrun.checks.quick_fit import quick_fit
 from heatrun.checks.suitability import other_tests
 from heatrun.checks.unexplained import unexplained_movement
@@ -304,6 +305,8 @@ def test_a_part_in_rows_is_cut_in_rows():
     assert last < first
     assert SLOW.time_s[last - 1] == pytest.approx(1500.0, abs=5.0)
     assert not advised((1, last))
+    nothing = use_line(replace(SLOW, first_row=901))
+    assert nothing == "take [901, 2700] out of [tests.run] use_rows in the motor file"
 
 
 def test_a_sensor_that_is_put_back_is_left_out_between():

@@ -36,6 +36,9 @@ def use_line(record: Record, *windows: tuple[float, float]) -> str:
         pairs = [f"[{first}, {last}]" for first, last in ends]
     else:
         pairs = [f"[{low:.3f}, {high:.3f}]" for low, high in windows]
+    if not pairs:
+        rows = f"[{record.first_row}, {record.first_row + record.time_s.size - 1}]"
+        return f"take {rows} out of {section_of(record)} {key} in the motor file"
     pairs += ["…"] if record.part_of else []
     others = " (… the other parts)" if record.part_of else ""
     return f"{section_of(record)} {key} = [{', '.join(pairs)}] in the motor file{others}"
