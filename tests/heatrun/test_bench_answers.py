@@ -158,7 +158,7 @@ GUESSED = (
          "time_s winding_degC controller_degC i_q_A i_d_A - dc_voltage_V dc_current_A"),
     sent("moteus", "timestamp|mode|velocity|torque|q_current|d_current|motor_temperature|voltage|"
          "temperature|fault", "time|number|speed*0.016667|torque|q|d|winding|voltage|mosfet|zero",
-         "time_s - - torque_Nm i_q_A i_d_A winding_degC - - -"),
+         "time_s - speed_rpm torque_Nm i_q_A i_d_A winding_degC dc_voltage_V controller_degC -"),
     sent("Cycle Analyst", "s|V|A|RPM|Deg|Nm|Throttle",
          "time|voltage|dc current|speed|winding|torque|duty",
          "time_s dc_voltage_V dc_current_A speed_rpm winding_degC torque_Nm -", "\t"),

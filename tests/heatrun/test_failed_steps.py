@@ -39,7 +39,7 @@ def fail(*_, **__):
 
 STEPS = {
     "the search for effects": (calibration, "find"),
-    "the search for missing effects": (calibration, "missing"),
+    "the search for missing effects": (calibration, "small_effects"),
     "the sampling of the posterior": (calibration, "sample"),
     "the prediction": (calibration, "predict"),
     "the check of the fit": (calibration, "fit_findings"),
