@@ -79,7 +79,7 @@ def calibrated(bench_files):
     tests = load_tests(motor, [bench_files / "duty.csv"])
     settings = Settings(networks=["second"])
     with pytest.MonkeyPatch.context() as patch:
-        for name in ("find", "missing"):
+        for name in ("find", "small_effects"):
             patch.setattr(f"heatrun.calibration.{name}", lambda *_, **__: None)
         patch.setattr("heatrun.runs.result.forecast", lambda _: {})
         patch.setattr(

@@ -62,7 +62,7 @@ def day(tmp_path_factory, bench, generator):
         pd.DataFrame(channels).to_csv(folder / f"{name}.csv", index=False)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        for name in ("find", "missing"):
+        for name in ("find", "small_effects"):
             patch.setattr(calibration, name, lambda *_, **__: None)
         patch.setattr(calibration, "sample", lambda fit, seed, **_: normal_draws(fit, seed=seed))
         patch.setattr(calibration, "check_reduction", lambda *_: (0.0, ()))

@@ -52,7 +52,7 @@ def found(finished_day):
     evil = replace(motor, name=HOSTILE)
     tests = [replace(duty, record=named, blocks=replace(duty.blocks, name=HOSTILE), findings=())]
     with pytest.MonkeyPatch.context() as patch:
-        for name in ("find", "missing"):
+        for name in ("find", "small_effects"):
             patch.setattr(calibration, name, lambda *_, **__: None)
         patch.setattr(calibration, "sample", lambda fit, seed, **_: normal_draws(fit, seed=seed))
         settings = Settings(networks=["second"], method="quick", command=HOSTILE)
