@@ -228,9 +228,10 @@ def _read(path: Path, motor: Motor) -> Record:
 
 def _in_turn(path: Path, names: list[str]) -> np.ndarray | None:
     """Return cells of pairs of terminals, shape (pair, time), if no row has more than one."""
+    if len(names) < 2 or len({split_name(name)[1] for name in names}) > 1:
+        return None
     cells = {column.name: column.values for column in read_raw(path).columns}
-    units = {split_name(name)[1] for name in names}
-    if len(names) < 2 or len(units) > 1 or not set(names) <= set(cells):
+    if not set(names) <= set(cells):
         return None
     read = np.stack([cells[name] for name in names])
     return read if np.all(np.sum(np.isfinite(read), axis=0) <= 1) else None
