@@ -378,6 +378,22 @@ def test_wheel_and_shaft_are_compared():
     assert supposed(finding) == ["factor_speed_rpm_rad/s"]
 
 
+def test_a_motor_in_the_wash_of_its_propeller_has_its_seconds():
+    drone = Machine(
+        "drone 3 kW", 120.0, 280.0, 60.0, 0.03, 0.3, 0.10, 0.03, 55.0, 60.0, 6000.0, 5.0,
+        step_s=0.5, minutes=40.0,
+    )  # fmt: skip
+    columns = made(drone, "steps")
+    load = columns["torque_Nm"] / drone.torque
+    propeller = {**columns, "speed_rpm": drone.speed * np.sqrt(load)}
+    shaft = ("time_s", "phase_current_A", "losses_W", "speed_rpm", "torque_Nm", *FIVE[3:])
+    for unit_from in ("stated", "name"):
+        for taken in (columns, propeller):
+            record = as_read(taken, only=shaft, unit_from=unit_from)
+            is_asked = bool(asked(record, motor_of(drone)))
+            assert is_asked is (taken is columns), unit_from
+
+
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "bench"
 BUNDLED = sorted(p.relative_to(DATA) for p in DATA.rglob("*.csv.gz"))

@@ -195,11 +195,13 @@ clock, and no heat run lasts a year, nor does any network of a machine need it."
 
 TIME_BY_SIZE_S = {
     "ambient": Limits(25.0, 60.0, 2500.0, 18e3),
+    "wash": Limits(8.0, 20.0, 800.0, 18e3),
     "coolant": Limits(1.5, 5.0, 800.0, 18e3),
 }
-"""Time constant [s] at a conductance of 1 W/K. In air from the wash of a propeller, in which a
-motor of 100 g has 50 s, over fans (100) to still air (600 to 2000, from 3 g to 1 MW); nine times as
-slow is none, even wrapped up. By a coolant from oil in the slots (2) to a jacket (800)."""
+"""Time constant [s] at a conductance of 1 W/K. In air from fans (100) to still air (600 to 2000,
+from 3 g to 1 MW); nine times as slow is none, even wrapped up. In the wash of a propeller a motor
+of 100 g has 50 s, and its winding alone a third of it. By a coolant from oil in the slots (2) to a
+jacket (800)."""
 
 TIME_S = Limits(5.0, 20.0, 4e4, 360e3)
 """And of any size [s]; the largest hydro generators take ten hours."""
@@ -214,6 +216,7 @@ its winding alone, as a body that settles."""
 
 SIZE_W_PER_K = {
     "ambient": Limits(0.0, 0.0, 2e3, 2e3, is_rare_above=True),
+    "wash": Limits(0.0, 0.0, 100.0, 300.0),
     "coolant": Limits(0.0, 0.0, 1e3, 1e4, is_rare_above=True),
 }
 """Conductance [W/K]: fan-cooled 1 MW has 700, the largest that air draws through some thousands,
@@ -259,7 +262,7 @@ def figures(record: Record, motor: Motor, cooled_by: str = "") -> Iterator[Figur
     Args:
         record: Any record.
         motor: The machine under test.
-        cooled_by: Judge it as if this sink cooled it, "ambient" or "coolant".
+        cooled_by: Judge it as if this cooled it: "ambient", "coolant", or "wash" of a propeller.
     """
     yield from _length(record)
     yield from _copper(record, motor)
@@ -446,7 +449,7 @@ def _time_scale(record: Record, motor: Motor, sink: str) -> Iterator[Figure]:
     yield _figure("time_constant", tau, limits, channels, below, above, values)
     if seen.is_least or not math.isfinite(G):
         return
-    largest, cooled = SIZE_W_PER_K[sink], "air" if sink == "ambient" else "a liquid"
+    largest, cooled = SIZE_W_PER_K[sink], "a liquid" if sink == "coolant" else "air"
     above = (
         f"Expected at most {largest.most:g} W/K where {cooled} cools the machine "
         f'(sink = "{sink}"); the record shows {rounded(G)} W/K.'

@@ -45,6 +45,14 @@ meter has two leads, and the name of the key carries its unit."""
 OTHER_COOLING = 0.001
 """Prior odds [1] that a liquid cools a machine whose record has the temperature of the air."""
 
+IN_ITS_WASH = {True: 0.5, False: 0.0, None: 0.003}
+"""Prior odds [1] that a propeller on the shaft cools a machine in air: where torque goes with the
+square of the speed, where it does not, and where the record does not tell."""
+
+SQUARE, SPREAD = 0.2, 1.25
+"""What the square of the speed leaves of the torque's range at most [1], and the largest torque
+over the least that tells [1]."""
+
 SOMETHING_ELSE = 1e-6
 """Prior odds times likelihood [1] of a fault that is no unit and that no other check sees."""
 
@@ -195,9 +203,31 @@ def _posterior(
     liquid = 0.0
     if motor.sink == "ambient":
         liquid = OTHER_COOLING * math.exp(-cost(record, motor, math.inf, "coolant"))
-    total = math.exp(-as_read) + sum(weight for weight, _ in weights) + liquid + SOMETHING_ELSE
+    right = math.exp(-as_read)
+    wash = IN_ITS_WASH[has_propeller(record)] if motor.sink == "ambient" else 0.0
+    if wash:
+        right += wash * math.exp(-cost(record, motor, math.inf, "wash"))
+    total = right + sum(weight for weight, _ in weights) + liquid + SOMETHING_ELSE
     probable = sorted(((w / total, one) for w, one in weights), key=lambda pair: -pair[0])
     return probable, liquid / total, SOMETHING_ELSE / total
+
+
+def has_propeller(record: Record) -> bool | None:
+    """Return whether torque, or current, goes with the square of the speed; None if not told."""
+    load = "torque_Nm" if "torque_Nm" in record else "phase_current_A"
+    if load not in record or "speed_rpm" not in record:
+        return None
+    _, speed, torque = samples(record, "speed_rpm", load)
+    square, torque = speed**2, np.abs(torque)
+    turns = square > 0.04 * np.max(square, initial=0.0)
+    if np.sum(turns) < 10:
+        return False if np.any(torque > 0.0) and not np.any(square > 0.0) else None
+    square, torque = square[turns], torque[turns]
+    low, high = np.quantile(torque, [0.05, 0.95])
+    if high < SPREAD * low:
+        return None
+    left = torque - square * float(np.median(torque / square))
+    return bool(np.quantile(np.abs(left), 0.9) < SQUARE * (high - low))
 
 
 def unit_suspected(record: Record, motor: Motor) -> Iterator[Finding]:
