@@ -19,10 +19,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
+from scipy.optimize import nnls
 from scipy.special import ndtr
 
 from ..record.motor import Motor, ShutDown
@@ -138,6 +140,7 @@ class UsualModes(AbstractModes):
         "time constant of the housing",
         "heating of the copper before switch-off",
         "whether the winding has a drop within",
+        "whether rotor and teeth have a drop",
     )
     of_amplitudes: tuple[str, ...] = (
         "drop within the winding",
@@ -167,8 +170,9 @@ class UsualModes(AbstractModes):
         both = by_rate + by_share
         mean[:, :2] = (RATE * heated_K * by_rate + mean[:, :2] * by_share) / both
         sd[:, :2] = both**-0.5
-        mean[:, 0] *= is_there(z[:, 5])
-        sd[:, 0] *= is_there(z[:, 5])
+        present = is_there(z[:, [5, 6]])
+        mean[:, [0, 2]] *= present
+        sd[:, [0, 2]] *= present
         return mean, sd[:, :, None] * np.eye(len(SHARE))
 
 
@@ -224,9 +228,11 @@ class Cooling:
                 "losses that stay", "1", said.losses_after, said.losses_after_sd
             ),
             "noise": Source("scatter of the readings", "K", *noise, "log-normal"),
+            # by hand to half a second, by a logger to the time that a bridge takes to settle
+            "clock": Source("scatter of their times", "s", 0.1, 0.8, "log-normal"),
         }
         if said.run_down_s == 0.0:
-            found = {key: found[key] for key in ("moment", "losses_after", "noise")}
+            found = {key: found[key] for key in ("moment", "losses_after", "noise", "clock")}
         if self.reference_ohm is None and said.sensor_lag_s > 0.0:
             found["lag"] = Source("lag of the sensor", "s", said.sensor_lag_s, 0.4, "log-normal")
         return {key: one for key, one in found.items() if one.standard_uncertainty > 0.0}
@@ -357,27 +363,36 @@ class Cooling:
     def _joined(self, z: Draws, course: np.ndarray, added: np.ndarray) -> np.ndarray:
         return course + (added @ z[:, self.num_nonlinear :, None])[:, :, 0]
 
+    @cached_property
+    def slope_K_per_s(self) -> np.ndarray:
+        """How fast the readings fall, by the exponentials that fit them best, shape (time,)."""
+        since_s = self.time_s - self.time_s[0]
+        rates = 1.0 / np.geomspace(10.0, 1e4, 10)
+        decay = np.exp(-since_s[:, None] * rates)
+        amplitudes, _ = nnls(decay / self.scatter[:, None],
+                             (self.reading_degC - self.sink_degC) / self.scatter)  # fmt: skip
+        return decay @ (rates * amplitudes)
+
     def noise_K(self, z: Draws) -> np.ndarray:
-        """Return the scatter of a reading [K], shape (draw, 1)."""
-        return self.values(z)["noise"]
+        """Return the scatter of a reading and of its time [K], shape (draw, time)."""
+        values = self.values(z)
+        return np.hypot(values["noise"], values["clock"] * self.slope_K_per_s)
 
     def _given(self, z: Draws) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return residuals over `scatter`, noise [K], precision and its vector of the others."""
+        """Return residuals over their scatter, that [K], precision and its vector of the others."""
         course, added = self._read(z, self.time_s)
-        residual, noise = (self.reading_degC - course) / self.scatter, self.noise_K(z)
-        added = added / self.scatter[:, None]
+        sd = self.noise_K(z) * self.scatter
+        residual, added = (self.reading_degC - course) / sd, added / sd[:, :, None]
         across = np.swapaxes(added, 1, 2)
-        precision = np.eye(added.shape[2]) + across @ added / noise[:, :, None] ** 2
-        vector = (across @ residual[:, :, None])[:, :, 0] / noise**2
-        return residual, noise, precision, vector
+        vector = (across @ residual[:, :, None])[:, :, 0]
+        return residual, sd, np.eye(added.shape[2]) + across @ added, vector
 
     def log_likelihood(self, z: Draws) -> np.ndarray:
         """Return the log likelihood of nonlinear numbers, the linear ones integrated out."""
-        residual, noise, precision, vector = self._given(z)
+        residual, sd, precision, vector = self._given(z)
         moved = np.linalg.solve(precision, vector[:, :, None])[:, :, 0]
-        squares = np.sum((residual / noise) ** 2, axis=1) - np.sum(vector * moved, axis=1)
-        of_scatter = self.time_s.size * np.log(noise[:, 0])
-        return -0.5 * (squares + np.linalg.slogdet(precision)[1]) - of_scatter
+        squares = np.sum(residual**2, axis=1) - np.sum(vector * moved, axis=1)
+        return -0.5 * (squares + np.linalg.slogdet(precision)[1]) - np.sum(np.log(sd), axis=1)
 
     def posterior(self, seed: int) -> Draws:
         """Return draws of all numbers, given the readings, shape (draw, number).
@@ -385,18 +400,24 @@ class Cooling:
         Args:
             seed: Random seed.
         """
-        z = np.repeat(sample(self.log_likelihood, self.num_nonlinear, seed), LINEAR_DRAWS, axis=0)
+        z = sample(self.log_likelihood, self.num_nonlinear, seed)
         _, _, precision, vector = self._given(z)
         random = np.random.default_rng([seed, 2])
         factor = np.swapaxes(np.linalg.cholesky(precision), 1, 2)
-        scattered = np.linalg.solve(factor, random.standard_normal((*vector.shape, 1)))
-        linear = (np.linalg.solve(precision, vector[:, :, None]) + scattered)[:, :, 0]
-        drawn = np.concatenate([z, linear], axis=1)
-        if self.modes.are_positive:
-            mean, by = self.modes.amplitudes(z)
+        centre = np.linalg.solve(precision, vector[:, :, None])
+        mean, by = self.modes.amplitudes(z)
+        found, drawn = list[Draws](), z
+        for _ in range(MOST_TRIES):
+            added = np.linalg.solve(factor, random.standard_normal(centre.shape))
+            linear = (centre + added)[:, :, 0]
             amplitudes = mean + (by @ linear[:, :-1, None])[:, :, 0]
-            possible = np.all(amplitudes > 0.0, axis=1)
-            drawn = drawn[possible] if np.sum(possible) > NUM_DRAWS // 4 else drawn
+            drawn = np.concatenate([z, linear], axis=1)
+            possible = np.all(amplitudes > 0.0, axis=1) | (not self.modes.are_positive)
+            found.append(drawn[possible])
+            if sum(map(len, found)) >= NUM_DRAWS:
+                break
+        if any(map(len, found)):  # else a hotter rotor feeds the winding
+            drawn = np.concatenate(found)
         return drawn[np.linspace(0, len(drawn) - 1, NUM_DRAWS).astype(int)]
 
 
@@ -409,7 +430,9 @@ def _lagged(time_s: np.ndarray, tau: np.ndarray, lag_s: np.ndarray) -> np.ndarra
     return (tau * decay - lag * np.exp(-time_s / lag)) / (tau - lag)
 
 
-NUM_DRAWS, LINEAR_DRAWS = 2000, 6
+NUM_DRAWS = 2000
+MOST_TRIES = 60
+"""Draws of the amplitudes for each of the other numbers, until enough of them are positive."""
 KEPT = 0.5
 """Effective share of the draws that a step of the temperature leaves [1]."""
 MOVES, LAST_MOVES = 8, 40

@@ -154,8 +154,8 @@ def winding_at_shutdown(
     shown = cooling.winding(z, np.zeros(1))
     winding = cooling.true(shown, errors)[:, 0]
     sink = readings.sink_degC + motor.shutdown.sink_sd_K * random.standard_normal(len(z))
-    noise = float(np.median(cooling.noise_K(z)))
-    rows = _budget(cooling, z, noise)
+    noise = np.median(cooling.noise_K(z), axis=0)
+    rows = _budget(cooling, z)
     extrapolation = 0.5 * float(np.ptp(_interval(shown)))
     is_determinable = extrapolation <= within_K
     latest = None if is_determinable else _latest(cooling, z, noise, within_K)
@@ -189,7 +189,7 @@ def winding_at_shutdown(
         ),
         budget=rows,
         prior=cooling.modes.basis,
-        scatter_K=noise,
+        scatter_K=float(np.median(cooling.values(z)["noise"])),
         time_s=grid,
         curve_degC=np.quantile(curve, [0.025, 0.5, 0.975], axis=0),
         reading_time_s=time_s,
@@ -225,7 +225,7 @@ def _interval(draws: np.ndarray) -> tuple[float, float]:
 
 
 def _linear(
-    cooling: Cooling, centre: np.ndarray, noise: float, time_s: np.ndarray | None = None
+    cooling: Cooling, centre: np.ndarray, noise: np.ndarray, time_s: np.ndarray | None = None
 ) -> tuple[np.ndarray, float]:
     """Return what each standard normal number and the scatter bring to the answer near one machine
     [K], to first order.
@@ -233,15 +233,15 @@ def _linear(
     steps = STEP * np.eye(len(cooling.names))
     both = np.concatenate([centre + steps, centre - steps])
     read = cooling.predicted(both, time_s)
-    J = ((read[: len(cooling.names)] - read[len(cooling.names) :]) / (2.0 * STEP * noise)).T
-    J /= cooling.scatter[:, None]
+    J = (read[: len(cooling.names)] - read[len(cooling.names) :]).T / (2.0 * STEP)
+    J /= (noise * cooling.scatter)[:, None]
     at = cooling.winding(both, np.zeros(1))[:, 0]
     g = (at[: len(cooling.names)] - at[len(cooling.names) :]) / (2.0 * STEP)
     moved = np.linalg.solve(np.eye(len(cooling.names)) + J.T @ J, g)
     return moved, float(np.linalg.norm(J @ moved))
 
 
-def _budget(cooling: Cooling, z: np.ndarray, noise: float) -> tuple[BudgetRow, ...]:
+def _budget(cooling: Cooling, z: np.ndarray) -> tuple[BudgetRow, ...]:
     """Return the sources by the rule of `heatrun.results.budget`; the readings tell nothing of the
     instruments.
 
@@ -262,6 +262,7 @@ def _budget(cooling: Cooling, z: np.ndarray, noise: float) -> tuple[BudgetRow, .
         if name not in own:
             parts.append(Part(name, "B", float(np.linalg.norm(moved[places]))))
         elif own[name] == cooling.sources["noise"]:
+            noise = float(np.median(cooling.values(z)["noise"]))
             parts.append(Part(name, "A", scatter, noise, own[name].unit))
         else:
             sd, unit = own[name].standard_uncertainty, own[name].unit
@@ -272,7 +273,7 @@ def _budget(cooling: Cooling, z: np.ndarray, noise: float) -> tuple[BudgetRow, .
     return budget(parts)
 
 
-def _latest(cooling: Cooling, z: np.ndarray, noise: float, within_K: float) -> float | None:
+def _latest(cooling: Cooling, z: np.ndarray, noise: np.ndarray, within_K: float) -> float | None:
     """Return the latest first reading that would have done [s]; None if none would.
 
     To first order, for most of the machines that the readings allow.
