@@ -28,9 +28,10 @@ from heatrun.record.blocks import Blocks
 from heatrun.record.motor import Motor, ParameterOverride, ShutDown
 from heatrun.record.record import Record
 from heatrun.reports.content import _derived
-from heatrun.runs.duties import current_at_limit, parse_duty
+from heatrun.runs.duties import current_at_limit
 from heatrun.runs.machine import machines
 from heatrun.runs.ratings_figures import derive, rates
+from heatrun.runs.stated_duty import parse_duty
 from lptn import CopperLosses, Drive, Network
 from lptn.effects import EFFECTS
 
@@ -204,7 +205,17 @@ def test_the_figures_of_the_second_order_are_those_of_the_formulas(kind, draws):
 def test_the_currents_of_duties_are_those_of_the_exact_solution(draws, tmp_path):
     rows = ["seconds,current_A", "100,90", "140,45", "200,0"]
     (tmp_path / "hoist.csv").write_text("\n".join(rows))
-    asked = ("S1", "S2-30", "S3-40", "S6-40", f"{tmp_path}/hoist.csv")
+    asked = (
+        "S1",
+        "S2-30",
+        "S3-40",
+        "S6-40",
+        f"{tmp_path}/hoist.csv",
+        "S4-40:3x10",
+        "S5-40:3x10,2x5,12/h",
+        "S7:3x10,2x5",
+        "S8:1x100,0.5x140,0x200",
+    )
     found = derive(posterior("second", motor(), draws), asked)
     by_hand = ByHand.of("balance", draws)
     cold = np.array([SINK, SINK])
@@ -214,14 +225,20 @@ def test_the_currents_of_duties_are_those_of_the_exact_solution(draws, tmp_path)
         for _ in range(num):
             for number, (seconds, share, other) in enumerate(phases):
                 state = by_hand.after(index, (share * current) ** 2, other, state, seconds)
-                # at the end of the first phase: the winding is hotter than the stator
-                top = state[0] if number == 0 else top
+                # at the end of each phase: within one, the hottest moment is at either end
+                top = max(top if number else 0.0, state[0])
         return top - (SINK + 105.0)  # the permitted rise, as on page 1 and in the map
 
     slow = np.median(by_hand.times(0.0, 0.0)[1])
     by_cycle = {"S3-40": [(240.0, 1.0, 1.0), (360.0, 0.0, 0.0)],
                 "S6-40": [(240.0, 1.0, 1.0), (360.0, 0.0, 1.0)],
-                "hoist": [(100.0, 1.0, 1.0), (140.0, 0.5, 1.0), (200.0, 0.0, 0.0)]}  # fmt: skip
+                "hoist": [(100.0, 1.0, 1.0), (140.0, 0.5, 1.0), (200.0, 0.0, 0.0)],
+                "S4-40:3x10": [(10.0, 3.0, 1.0), (230.0, 1.0, 1.0), (360.0, 0.0, 0.0)],
+                "S5-40:3x10,2x5,12/h": [(10.0, 3.0, 1.0), (105.0, 1.0, 1.0), (5.0, 2.0, 1.0),
+                                        (180.0, 0.0, 0.0)],
+                "S7:3x10,2x5": [(10.0, 3.0, 1.0), (585.0, 1.0, 1.0), (5.0, 2.0, 1.0)],
+                "S8:1x100,0.5x140,0x200": [(100.0, 1.0, 1.0), (140.0, 0.5, 1.0),
+                                           (200.0, 0.0, 0.0)]}  # fmt: skip
     duties = {"S2-30": ([(1800.0, 1.0, 1.0)], 1)} | {
         name: (phases, round(5 * slow / sum(p[0] for p in phases)))
         for name, phases in by_cycle.items()
@@ -231,8 +248,12 @@ def test_the_currents_of_duties_are_those_of_the_exact_solution(draws, tmp_path)
         entry = found[f"{name}_current_A"]
         # the search halves 0...6 LARGEST sixteen times
         assert entry.value == pytest.approx(np.median(currents), abs=2.0 * 6.0 * LARGEST / 2**16)
-        assert ("none at rest" in entry.condition) == (name != "S6-40")
-        assert ("extrapolated" in entry.condition) == (entry.value > 1.2 * LARGEST)
+        assert ("none at rest" in entry.condition) == (name not in ("S6-40", "S7:3x10,2x5"))
+        largest = entry.value * max(share for _, share, _ in duty[0])
+        assert ("extrapolated" in entry.condition) == (largest > 1.2 * LARGEST)
+        say = Texts("de")
+        _derived(entry, say)
+        assert name == "hoist" or not say.unknown
     assert "permitted rise 105 K" in found["S2-30_current_A"].condition
     assert found["S1_current_A"] == found["continuous_current_by_rise_A"]
 
@@ -556,9 +577,34 @@ def test_names_are_read():
     duty = parse_duty("S3-40", 1800.0)
     assert [phase.seconds for phase in duty.phases] == [240.0, 360.0]
     assert duty.num_cycles * 600.0 >= 4 * 1800.0
-    for wrong in ("S3-140", "S2-0", "S4-25", "S2", "S2-x"):
-        with pytest.raises(UsageError, match="expected S2-MINUTES"):
-            parse_duty(wrong, 1.0)
+    duty = parse_duty("S5-40:5x2,3x1@500,60/h", 1800.0)
+    assert [phase[:3] for phase in duty.phases] == [
+        (2.0, 5.0, None), (21.0, 1.0, None), (1.0, 3.0, 500.0), (36.0, 0.0, 0.0)
+    ]  # fmt: skip
+    assert parse_duty("S2:5x2,1x600", 1800.0).num_cycles == 1
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ("S3-140", "expected S3-PERCENT, such as S3-40, got 140 %"),
+        ("S2-0", "expected S2-MINUTES.*neither minutes nor phases"),
+        ("S2", "neither minutes nor phases"),
+        ("S2-30:5x2", "got both"),
+        ("S2-x", "expected S1, a CSV file"),
+        ("S4-25", "expected S4-PERCENT:START, such as S4-40:5x2, got 0 phases"),
+        ("S5-25:5x2", "START,BRAKING.*got 1 phases"),
+        ("S4:5x2", "no share of the cycle"),
+        ("S7-40:5x2,3x1", "got 40 %"),
+        ("S4-40:5x400", "leave nothing of 240 s under load"),
+        ("S4-40:600Ax2", "the phase '600Ax2'"),
+        ("S8:5x2,x", "the phase 'x'. A phase is LOADxSECONDS or LOADxSECONDS@RPM"),
+        ("S8:0x2,0x5", "no load in any phase"),
+    ],
+)
+def test_a_duty_that_is_not_stated_says_what_is_missing(wrong, said):
+    with pytest.raises(UsageError, match=said):
+        parse_duty(wrong, 1.0)
 
 
 @pytest.mark.parametrize(

@@ -12,8 +12,8 @@ from ..calibration import BenchTest, Calibration, Settings, calibrate, identity,
 from ..model.network_text import network_text
 from ..record.motor import Motor
 from ..reports.of_run import with_sheet
-from ..runs.duties import parse_duty
 from ..runs.run_folder import RunFolder, free_place, refuse_unwritable
+from ..runs.stated_duty import parse_duty
 from ..runs.write import write_run
 from ..work import Progress, work_of_calibration
 

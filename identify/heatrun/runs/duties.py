@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import NamedTuple
 
 import jax
@@ -16,7 +14,6 @@ from jaxtyping import Array, Float, Int
 
 from lptn import Drive, hold
 
-from ..errors import InputError, UsageError
 from ..io.programs import compiled
 from ..io.quantities import rounded
 from ..model.model import Model
@@ -35,9 +32,7 @@ from .machine import (
     refused,
     steady_rise,
 )
-
-CYCLE_S = 600.0
-"""Length of a cycle of S3 and S6 [s]; IEC 60034-1, 4.2.3 and 4.2.6, if not agreed otherwise."""
+from .stated_duty import Duty
 
 NUM_DRAWS = 300
 """Draws behind a rating: each is a search over simulated duties."""
@@ -45,126 +40,6 @@ NUM_DRAWS = 300
 LARGEST, NUM_HALVINGS = 6.0, 16
 """Largest current of the search over the largest one tested [1], and halvings of its range: to
 2^-16 of it, far below the uncertainty."""
-
-PATTERN = re.compile(r"^(?P<kind>S2|S3|S6)-(?P<number>\d+(?:\.\d+)?)$")
-
-COLUMNS = ("seconds", "current_A", "speed_rpm", "other_losses_W")
-"""Columns of a duty's file; the last two may be left out."""
-
-
-class Phase(NamedTuple):
-    """A part of a duty over which the load stays.
-
-    Attributes:
-        seconds: Its length [s].
-        current: Rms current over the largest of the duty [1].
-        rpm: Speed; None for that of the loaded tests.
-        other_W: Losses other than copper; None for those of the loaded tests.
-    """
-
-    seconds: float
-    current: float
-    rpm: float | None = None
-    other_W: float | None = None
-
-
-AT_REST = {"current": 0.0, "rpm": 0.0, "other_W": 0.0}
-
-
-@dataclass(frozen=True)
-class Duty:
-    """A duty type of IEC 60034-1, or any other.
-
-    Attributes:
-        name: As asked for: `"S2-30"` is 30 minutes from cold, `"S3-40"` 40 % of each cycle, then
-            at rest; `"S6-40"` the same, then without current at the speed of the tests.
-        phases: What is repeated.
-        num_cycles: Cycles until the last one counts.
-        words: What the losses are, for the condition.
-    """
-
-    name: str
-    phases: tuple[Phase, ...]
-    num_cycles: int
-    words: str
-
-
-def parse_duty(text: str, slow_s: float) -> Duty:
-    """Return a duty by its name.
-
-    Args:
-        text: `"S1"`, `"S2-MINUTES"`, `"S3-PERCENT"`, `"S6-PERCENT"`, or the path of a CSV file with
-            a phase of the cycle in each row: `COLUMNS`.
-        slow_s: Slow time constant [s]; a cycled duty runs for five of them.
-
-    Raises:
-        UsageError: If the name is none of these, or the share is not inside 0…100 %.
-        InputError: If the file is not such a duty.
-    """
-    if text.lower().endswith(".csv"):
-        phases = _read(Path(text))
-        words = "as the file has them" if phases[0].other_W is not None else ""
-        return _cycled(Path(text).stem, phases, slow_s, words)
-    if text == "S1":
-        return Duty(text, (Phase(CYCLE_S, 1.0),), 1, "")
-    found = PATTERN.match(text)
-    number = float(found["number"]) if found else 0.0
-    if found and number > 0.0 and found["kind"] == "S2":
-        return Duty(text, (Phase(60.0 * number, 1.0),), 1, "")
-    if found and 0.0 < number < 100.0 and found["kind"] != "S2":
-        on = CYCLE_S * number / 100.0
-        rest = {"current": 0.0} if found["kind"] == "S6" else AT_REST
-        phases = (Phase(on, 1.0), Phase(CYCLE_S - on, **rest))
-        return _cycled(text, phases, slow_s, "")
-    raise UsageError(
-        f"rating {text!r}: expected S2-MINUTES, S3-PERCENT or S6-PERCENT, such as S2-30 or S3-40, "
-        "S1, or a CSV file of the phases of a duty. S4, S5, S7, S8 start, brake or change speed: "
-        f"write what they ask for as such a file, named {text}.csv, with the columns "
-        f"{', '.join(COLUMNS)}."
-    )
-
-
-def _cycled(name: str, phases: tuple[Phase, ...], slow_s: float, words: str) -> Duty:
-    cycle = sum(phase.seconds for phase in phases)
-    return Duty(name, phases, max(2, round(5 * slow_s / cycle)), words)
-
-
-def _read(path: Path) -> tuple[Phase, ...]:
-    """Return the phases of a duty's file, by the largest of its currents."""
-    import pandas as pd
-
-    try:
-        table = pd.read_csv(path)
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"the duty cannot be read: {error}", where=str(path),
-            remedy=f"Write a CSV file with the columns {', '.join(COLUMNS)}.",
-        ) from None  # fmt: skip
-    found = [name for name in COLUMNS if name in table]
-    numbers = table.apply(pd.to_numeric, errors="coerce").to_numpy(float)
-    is_known = set(COLUMNS[:2]) <= set(found) == set(table.columns)
-    if not is_known or not numbers.size or not np.all(np.isfinite(numbers)):
-        raise InputError(
-            f"expected numbers in the columns {', '.join(COLUMNS)} (the last two may be left out), "
-            f"got the columns {', '.join(map(str, table.columns))} and {len(table)} rows.",
-            where=str(path),
-            remedy="Write one row for each phase of the cycle.",
-        )
-    largest = float(table["current_A"].abs().max())
-    if not largest > 0.0 or not (table["seconds"] > 0.0).all():
-        raise InputError(
-            "a duty needs a current in one phase, and phases of more than 0 s.",
-            where=str(path),
-            remedy="Write the rms current of each phase [A] and its length [s].",
-        )
-    return tuple(
-        Phase(
-            row["seconds"], abs(row["current_A"]) / largest,
-            row.get("speed_rpm", None if row["current_A"] else 0.0),
-            row.get("other_losses_W", None if row["current_A"] else 0.0),
-        )
-        for row in table.to_dict("records")
-    )  # fmt: skip
 
 
 def current_at_limit(
@@ -246,18 +121,19 @@ def duty_current(rated: Rated, duty: Duty) -> DerivedFigure:
     losses = f"other losses {np.median(other):.0f} W under load"
     if duty.num_cycles == 1 or any(phase.other_W == 0.0 for phase in duty.phases):
         losses += ", none at rest"
-    losses = f"other losses {duty.words}" if duty.words else losses
+    losses = f"other losses {duty.losses}" if duty.losses else losses
     current = current_at_limit(duty, highest, limit.degC, LARGEST * seen.current_A, picked.size)
     entry = figure(
         current,
         "A",
-        f"{duty.name}, {limit}, {losses}, sink {seen.sink_degC:.0f} °C{rated.surroundings}",
+        f"{duty.words}, {limit}, {losses}, sink {seen.sink_degC:.0f} °C{rated.surroundings}",
     )
     if not math.isfinite(entry.median):
         return refused(f"{rounded(LARGEST * seen.current_A)} A does not reach {limit.degC:.0f} °C")
     if entry.median == 0.0:
         return refused(f"the other losses alone lead to {limit.degC:.0f} °C")
-    return extrapolated(entry, seen.short_of(degC=limit.degC, amperes=entry.median))
+    largest = entry.median * max(phase.current for phase in duty.phases)
+    return extrapolated(entry, seen.short_of(degC=limit.degC, amperes=largest))
 
 
 SHORT_CYCLE = 0.5

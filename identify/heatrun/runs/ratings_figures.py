@@ -33,16 +33,15 @@ from ..results.model import AT_REST, LOADED, DerivedFigure
 from .budget import Budget
 from .draw_values import DrawValues, alone, with_effects
 from .duties import (
-    PATTERN,
     Rated,
     at_limit,
     current_by_rms,
     duty_current,
     limits_of,
-    parse_duty,
     within_rise,
 )
 from .machine import Tested, UnderLoad, figure, machines, steady_rise, tested, under_load
+from .stated_duty import parse_duty
 
 
 class Rates(NamedTuple):
@@ -293,7 +292,7 @@ def derive(
             continue
         duty = parse_duty(text, float(np.median(times[:, -1])))
         figures[f"{duty.name}_current_A"] = exact = duty_current(machine, duty)
-        if PATTERN.match(text) is None:
+        if text.lower().endswith(".csv"):
             by_rms = current_by_rms(machine, duty, exact, fast_s)
             figures |= {} if by_rms is None else {f"{duty.name}_rms_current_A": by_rms}
     return figures
