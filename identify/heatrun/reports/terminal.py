@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import shlex
 from collections.abc import Hashable, Sequence
 from typing import TYPE_CHECKING
@@ -31,8 +32,9 @@ from .printed import format_interval, format_value, interval_ends
 if TYPE_CHECKING:  # JAX comes with it
     from ..runs.before_after import BeforeAfter, Change
 
-CURRENT, UNASKED = "_current_A", "continuous_current_A"
-"""End of the names of ratings, and the one that nobody needs to ask for by `--rating`."""
+ASKED = re.compile(r"(?!continuous_current_A).*_current_A|(time_to_limit_\d|starts_|pause_).*")
+UNASKED = "continuous_current_A"
+"""Names of ratings, and the one that nobody needs to ask for by `--rating`."""
 
 BY_RISE = ("rise_margin_K", "continuous_current_by_rise_A")
 """What the permitted rise leaves and allows."""
@@ -104,9 +106,7 @@ def result_text(result: FitResult, run: str = "RUN", *, verbose: bool = False) -
     lines.append(f"RMSE: fitted {_errors(model, 'calibration')}; held out "
                  f"{_errors(model, 'holdout')}")  # fmt: skip
     lines += [
-        _rating(name, figure)
-        for name, figure in model.derived.items()
-        if name.endswith(CURRENT) and name != UNASKED
+        _rating(name, figure) for name, figure in model.derived.items() if ASKED.fullmatch(name)
     ]
     lines.append(f"Next: {next_step(result, run)}")
     if verbose:
@@ -266,10 +266,8 @@ def _rating(name: str, figure: DerivedFigure) -> str:
         if math.isnan(figure.median)
         else quantity(rounded(figure.median, 4), known(figure.unit) or "")
     )
-    low, high = figure.ends
-    return (
-        f"{name}: {value}  95 % {rounded(low, 4)} … {rounded(high, 4)}   {known(figure.condition)}"
-    )
+    low, high = (rounded(end, 4) if math.isfinite(end) else "∞" for end in figure.ends)
+    return f"{name}: {value}  95 % {low} … {high}   {known(figure.condition)}"
 
 
 def changes_text(found: BeforeAfter) -> str:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import jax
@@ -32,7 +33,7 @@ from .machine import (
     refused,
     steady_rise,
 )
-from .stated_duty import Duty
+from .stated_duty import Duty, Phase
 
 NUM_DRAWS = 300
 """Draws behind a rating: each is a search over simulated duties."""
@@ -69,6 +70,9 @@ def current_at_limit(
     return np.where(beyond, np.inf, np.where(low > 0.0, 0.5 * (low + high), 0.0))
 
 
+SAME_SHAPE = 4
+"""Duties are filled up to a multiple of so many phases."""
+
 STEPS_PER_TIME_CONSTANT = 10
 """Steps over the shortest time constant [1]: the third-order steps then err by 4e-5 of a change."""
 
@@ -84,6 +88,7 @@ class Rated:
         seen: Range of the tests.
         limit: The permitted rise, else the temperature of the class; None if no class is given.
         surroundings: As `heatrun.runs.machine.Tested.surroundings`.
+        rated_A: The rated current, else that of the loaded tests [A].
     """
 
     draw_values: DrawValues
@@ -92,6 +97,42 @@ class Rated:
     seen: Tested
     limit: Limit | None
     surroundings: str
+    rated_A: float = math.nan
+
+    @cached_property
+    def sample(self) -> Sample:
+        """The draws that ratings are simulated with."""
+        num = self.times.shape[0]
+        picked = np.random.default_rng(0).permutation(num)[:NUM_DRAWS]
+        return Sample(
+            values={name: draws[picked] for name, draws in self.draw_values.values.items()},
+            other=np.asarray(self.drawn.other)[picked],
+            longest_s=float(np.min(self.times[picked])) / STEPS_PER_TIME_CONSTANT,
+            cold={node: np.full(picked.size, self.seen.sink_degC)
+                  for node in self.draw_values.model.form.nodes},
+        )  # fmt: skip
+
+    def refusal(self) -> str:
+        """Return why nothing can be rated; empty where it can."""
+        if self.limit is None:
+            return NO_CLASS
+        return "" if np.any(self.drawn.copper_slope) else NO_CURRENT
+
+
+class Sample(NamedTuple):
+    """Draws of a machine.
+
+    Attributes:
+        values: Its parameters by name.
+        other: Other losses of the loaded part [W].
+        longest_s: Longest step of a simulation [s].
+        cold: Each node at the temperature of the sink [degC].
+    """
+
+    values: dict[str, Float[np.ndarray, " draw"]]
+    other: Float[np.ndarray, " draw"]
+    longest_s: float
+    cold: dict[str, Float[np.ndarray, " draw"]]
 
 
 def duty_current(rated: Rated, duty: Duty) -> DerivedFigure:
@@ -101,28 +142,23 @@ def duty_current(rated: Rated, duty: Duty) -> DerivedFigure:
         rated: The machine.
         duty: The duty.
     """
-    if rated.limit is None:
-        return refused(NO_CLASS)
-    if not np.any(rated.drawn.copper_slope):
-        return refused(NO_CURRENT)
+    if rated.limit is None or rated.refusal():
+        return refused(rated.refusal())
     seen, limit = rated.seen, rated.limit
-    picked = np.random.default_rng(0).permutation(rated.times.shape[0])[:NUM_DRAWS]
-    other = rated.drawn.other[picked]
-    values = {name: draws[picked] for name, draws in rated.draw_values.values.items()}
-    longest = float(np.min(rated.times[picked])) / STEPS_PER_TIME_CONSTANT
-    phases = _held(duty, seen.loaded, longest)
+    values, other, longest_s, cold = rated.sample
+    phases = held(duty.phases, seen.loaded, longest_s)
 
     def highest(current: np.ndarray, duty: Duty) -> np.ndarray:
         factor = jnp.asarray(current) ** 2 / seen.loaded.current_squared
-        top = _highest(rated.draw_values.model, values, seen.loaded, other, factor, phases,
-                       jnp.asarray(duty.num_cycles))  # fmt: skip
+        top = simulated(rated.draw_values.model, values, seen.loaded, other, factor, phases,
+                        jnp.asarray(duty.num_cycles), cold, np.ones(other.size))[1]  # fmt: skip
         return np.asarray(top)
 
     losses = f"other losses {np.median(other):.0f} W under load"
     if duty.num_cycles == 1 or any(phase.other_W == 0.0 for phase in duty.phases):
         losses += ", none at rest"
     losses = f"other losses {duty.losses}" if duty.losses else losses
-    current = current_at_limit(duty, highest, limit.degC, LARGEST * seen.current_A, picked.size)
+    current = current_at_limit(duty, highest, limit.degC, LARGEST * seen.current_A, other.size)
     entry = figure(
         current,
         "A",
@@ -212,22 +248,24 @@ class Phases(NamedTuple):
     watts: Float[Array, " phase"]
 
 
-def _held(duty: Duty, loaded: Drive, longest: float) -> Phases:
+def held(phases: Sequence[Phase], loaded: Drive, longest_s: float) -> Phases:
     """Return the phases of a duty in steps of a length at most [s]."""
     rpm = 0.0 if loaded.speed_rad is None else float(loaded.speed_rad) / RAD_PER_S
     rows = []
-    for phase in duty.phases:
-        num = int(np.ceil(phase.seconds / longest))
+    for phase in phases:
+        num = int(np.ceil(phase.seconds / longest_s))
         speed = 1.0 if phase.rpm is None else abs(phase.rpm) / rpm if rpm else 0.0
         watts = 0.0 if phase.other_W is None else phase.other_W
         rows.append((phase.seconds / num, num, phase.current**2, speed,
                      float(phase.other_W is None), watts))  # fmt: skip
+    # of one shape, so that other duties need no other program
+    rows += [(1.0, 0, 0.0, 0.0, 0.0, 0.0)] * (-len(rows) % SAME_SHAPE)
     step, num, *rest = (jnp.asarray(each) for each in zip(*rows, strict=True))
     return Phases(step, num, *rest)
 
 
 @compiled("model")
-def _highest(
+def simulated(
     model: Model,
     values: dict[str, Float[Array, " draw"]],
     loaded: Drive,
@@ -235,35 +273,49 @@ def _highest(
     factor: Float[Array, " draw"],
     phases: Phases,
     num_cycles: Array,
-) -> Float[Array, " draw"]:
-    """Return the highest copper temperature in the last cycle of each draw [degC]."""
+    start: dict[str, Float[Array, " draw"]],
+    length: Float[Array, " draw"],
+) -> tuple[dict[str, Float[Array, " draw"]], Float[Array, " draw"]]:
+    """Return the temperatures of each draw at the end of a duty [degC], and the highest one of the
+    copper in its last cycle.
 
-    def one(values, other, factor):
+    Args:
+        model: Network with effects.
+        values: Parameters by name [their units].
+        loaded: The loaded part of the tests.
+        other: Other losses [W].
+        factor: Squared current of load 1 over that of the tests [1].
+        phases: From `held`.
+        num_cycles: How often they are repeated.
+        start: Temperature of each node [degC]; an effect that adds one knows its own.
+        length: Length of the phases over that which is stated [1].
+    """
+
+    def one(values, other, factor, start, length):
         network, effects = model.network(values), model.built_effects(values)
         losses = fixed_losses(model.losses(values))
         copper = network.copper_node
 
-        def held(start, at: Phases):
+        def phase(start, at: Phases):
             drive = loaded.scale_current(factor * at.squared)
             if loaded.speed is not None and loaded.speed_rad is not None:
                 speed, speed_rad = at.speed * loaded.speed, at.speed * loaded.speed_rad
                 drive = replace(drive, speed=speed, speed_rad=speed_rad)
             drive = replace(drive, losses=at.share * other + at.watts)
-            found = hold(network, losses, drive, start, step=at.step, num_steps=at.num,
+            found = hold(network, losses, drive, start, step=length * at.step, num_steps=at.num,
                          effects=effects)  # fmt: skip
             return found.last, found.highest[copper]
 
         def cycle(_, state):
-            last, highest = jax.lax.scan(held, state[0], phases)
+            last, highest = jax.lax.scan(phase, state[0], phases)
             return last, jnp.max(highest)
 
-        sink = dict.fromkeys(network.nodes, loaded.ambient)
         zero = jnp.zeros(())
-        cold = hold(network, losses, replace(loaded, losses=other), sink, step=zero, num_steps=0,
-                    effects=effects).last  # fmt: skip
-        return jax.lax.fori_loop(0, num_cycles, cycle, (cold, loaded.ambient))[1]
+        first = hold(network, losses, replace(loaded, losses=other), start, step=zero, num_steps=0,
+                     effects=effects).last  # fmt: skip
+        return jax.lax.fori_loop(0, num_cycles, cycle, (first, loaded.ambient))
 
-    return jax.vmap(one)(values, other, factor)
+    return jax.vmap(one)(values, other, factor, start, length)
 
 
 NO_CLASS = "no insulation class: give [motor] insulation_class in the motor file"

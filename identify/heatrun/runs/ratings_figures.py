@@ -41,7 +41,8 @@ from .duties import (
     within_rise,
 )
 from .machine import Tested, UnderLoad, figure, machines, steady_rise, tested, under_load
-from .stated_duty import parse_duty
+from .stated_duty import Stated, parse_rating
+from .until_limit import until_limit
 
 
 class Rates(NamedTuple):
@@ -237,7 +238,7 @@ def derive(
 
     Args:
         posterior: Draws, of any network with any effects.
-        duties: Ratings asked for, such as `"S2-30"` and `"S3-40"`, as `parse_duty`.
+        duties: Ratings asked for, such as `"S2-30"` and `"time:150A:hot"`, as `parse_rating`.
         budget: From `budget_of`, of the resistances at stated conditions; None for none.
 
     Raises:
@@ -284,13 +285,17 @@ def derive(
     if draw_values is not base:  # the body of an effect may be faster
         times = time_constants(rates(draw_values.model, draw_values.values, seen.loaded, winding).A)
     # as the map of ratings and the margin of page 1: the permitted rise where the class has one
-    machine = Rated(draw_values, drawn, times, seen, rise or limit, surroundings)
+    machine = Rated(draw_values, drawn, times, seen, rise or limit, surroundings,
+                    rated or seen.amperes)  # fmt: skip
     for text in duties:
         if text == "S1":
             by = "continuous_current_A" if rise is None else "continuous_current_by_rise_A"
             figures["S1_current_A"] = figures[by]
             continue
-        duty = parse_duty(text, float(np.median(times[:, -1])))
+        duty = parse_rating(text, float(np.median(times[:, -1])), rated)
+        if isinstance(duty, Stated):
+            figures |= until_limit(machine, duty)
+            continue
         figures[f"{duty.name}_current_A"] = exact = duty_current(machine, duty)
         if text.lower().endswith(".csv"):
             by_rms = current_by_rms(machine, duty, exact, fast_s)

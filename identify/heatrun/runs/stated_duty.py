@@ -1,8 +1,13 @@
-"""Duties as a user states them: by the duty types of IEC 60034-1, or phase by phase."""
+"""Duties as a user states them: by the duty types of IEC 60034-1, or phase by phase.
+
+Where their current is stated, the time to the limit or the number of starts is sought; else the
+current.
+"""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -57,37 +62,48 @@ class Duty:
     words: str
 
 
-class _Type(NamedTuple):
-    """A duty type: whether a number, a start, a braking and a rest belong to it, and its form."""
+class Stated(NamedTuple):
+    """A load whose current is stated: held, or started in succession, until the limit.
 
-    form: str
-    has_number: bool = False
-    num_stated: tuple[int, int] = (0, 0)
-    is_braked: bool = False
-    rests: bool = False
+    Attributes:
+        name: As asked for, without what is sought.
+        phases: Their `current` in amperes; of a load that is held, one of any length.
+        start: `"cold"`, `"hot"`, the winding's temperature [degC], or that of each node; None for
+            starts, from cold and from hot.
+    """
+
+    name: str
+    phases: tuple[Phase, ...]
+    start: str | float | Mapping[str, float] | None
 
 
-MANY = 99
 TYPES = {
-    "S2": _Type("S2-MINUTES, such as S2-30, or phases from cold, such as S2:5x2,1x600", False,
-                (0, MANY)),
-    "S3": _Type("S3-PERCENT, such as S3-40", True, rests=True),
-    "S4": _Type("S4-PERCENT:START, such as S4-40:5x2", True, (1, MANY), rests=True),
-    "S5": _Type("S5-PERCENT:START,BRAKING, such as S5-40:5x2,3x1", True, (2, MANY), True, True),
-    "S6": _Type("S6-PERCENT, such as S6-40", True),
-    "S7": _Type("S7:START,BRAKING, such as S7:5x2,3x1", False, (2, MANY), True),
-    "S8": _Type("S8:PHASE,PHASE, such as S8:1x300@3000,0.7x300@1500", False, (2, MANY)),
-}  # fmt: skip
-"""The duty types that are named; S1 is one phase."""
+    "S2": ("S2-MINUTES or S2:PHASES from cold, such as S2-30 or S2:5x2,1x600", True, 0, 0, None),
+    "S3": ("S3-PERCENT, such as S3-40", True, 0, 0, AT_REST),
+    "S4": ("S4-PERCENT:START, such as S4-40:5x2", True, 1, 0, AT_REST),
+    "S5": ("S5-PERCENT:START,BRAKING, such as S5-40:5x2,3x1", True, 2, 1, AT_REST),
+    "S6": ("S6-PERCENT, such as S6-40", True, 0, 0, {"current": 0.0}),
+    "S7": ("S7:START,BRAKING, such as S7:5x2,3x1", False, 2, 1, None),
+    "S8": ("S8:PHASE,PHASE, such as S8:1x300@3000,0.7x300@1500", False, 2, 0, None),
+}
+"""The duty types that are named: how, whether a number belongs to them, the fewest phases that are
+stated, how many of these come after the load, and what ends a cycle."""
 
-N = r"\d+(?:\.\d+)?"
-NAME = re.compile(rf"(?P<kind>S[2-8])(?:-(?P<number>{N}))?(?::(?P<stated>.*))?")
-PHASE = re.compile(rf"(?P<load>{N})(?P<ampere>A?)x(?P<seconds>{N})(?:@(?P<rpm>{N}))?")
-PER_HOUR = re.compile(rf"(?P<cycles>{N})/h")
+N = r"(?:\d+(?:\.\d+)?)"
+MORE = rf"(?=[\d.]*[1-9]){N}"
+NAME = re.compile(rf"(S[2-8])(?:-({MORE}))?(?::(.+))?")
+PHASE = re.compile(rf"(?P<load>{N})(?P<ampere>A?)x(?P<seconds>{MORE})(?:@(?P<rpm>{N}))?")
+PER_HOUR = re.compile(rf"({MORE})/h")
+AT_NODE = re.compile(rf"(\w+)=(-?{N})")
 
 PHASES = (
     "A phase is LOADxSECONDS or LOADxSECONDS@RPM, its load over the current that is asked for; "
-    "N/h beside them states the cycles in an hour."
+    "N/h beside phases states the cycles in an hour."
+)
+STATED = (
+    "time:LOAD or time:LOAD:START, such as time:150A, time:150A:hot, time:1.2:80 (°C of the "
+    "winding) or time:150A:winding=80,stator=60; or starts:PHASES, such as starts:600Ax5@0 with "
+    "the locked-rotor current for 5 s at 0 rpm, or starts:6x5,0x30 with 30 s of rest between"
 )
 
 
@@ -103,76 +119,107 @@ def parse_duty(text: str, slow_s: float) -> Duty:
         UsageError: If the name is none of these, or its phases do not make such a duty.
         InputError: If the file is not such a duty.
     """
+
+    def cycled(name: str, phases: tuple[Phase, ...], losses: str, words: str) -> Duty:
+        cycle = sum(phase.seconds for phase in phases)
+        return Duty(name, phases, max(2, round(5 * slow_s / cycle)), losses, words)
+
     if text.lower().endswith(".csv"):
-        phases = _read(Path(text))
+        phases, name = _read(Path(text)), Path(text).stem
         losses = "as the file has them" if phases[0].other_W is not None else ""
-        return _cycled(Path(text).stem, phases, slow_s, losses)
+        return cycled(name, phases, losses, name)
     if text == "S1":
         return Duty(text, (Phase(CYCLE_S, 1.0),), 1, "", text)
-    found = NAME.fullmatch(text)
-    if found is None:
-        forms = "; ".join(each.form for each in TYPES.values())
+    kind = text[:2]
+    if kind not in TYPES:
         raise UsageError(
-            f"rating {text!r}: expected S1, a CSV file of the phases of a duty, or one of: {forms}."
+            f"rating {text!r}: expected S1, a CSV file of the phases of a duty, "
+            f"{'; '.join(form for form, *_ in TYPES.values())}; {STATED}."
         )
-    kind, number = found["kind"], float(found["number"] or 0.0)
-    of_type = TYPES[kind]
-
-    def wrong(what: str) -> UsageError:
-        return UsageError(f"rating {text!r}: expected {of_type.form}, got {what}. {PHASES}")
-
-    stated, per_hour = [], 0.0
-    for part in (found["stated"] or "").split(",") if found["stated"] is not None else ():
-        if rate := PER_HOUR.fullmatch(part):
-            per_hour = float(rate["cycles"])
-            continue
+    form, has_number, fewest, num_after, rest = TYPES[kind]
+    wrong = UsageError(f"rating {text!r}: expected {form}. {PHASES}")
+    if (found := NAME.fullmatch(text)) is None:
+        raise wrong
+    number, cycle, stated, rate = float(found[2] or 0.0), CYCLE_S, list[Phase](), list[str]()
+    for part in found[3].split(",") if found[3] else ():
         phase = PHASE.fullmatch(part)
-        if phase is None or phase["ampere"] or not float(phase["seconds"]):
-            raise wrong(f"the phase {part!r}")
-        stated.append(_phase(phase))
-    if kind == "S2":
-        if bool(number) == bool(stated) or per_hour:
-            raise wrong("both" if number else "neither minutes nor phases")
-        phases = tuple(stated) or (Phase(60.0 * number, 1.0),)
-        return Duty(text, phases, 1, "", _in_words(kind, number, stated, 0.0))
-    fewest, most = of_type.num_stated
-    if not fewest <= len(stated) <= most:
-        raise wrong(f"{len(stated)} phases")
-    if of_type.has_number != bool(number) or number >= 100.0:
-        raise wrong(f"{number:g} %" if found["number"] else "no share of the cycle")
-    if kind == "S8":
-        if per_hour:
-            raise wrong("cycles in an hour beside all phases")
-        phases = tuple(stated)
-    else:
-        cycle = 3600.0 / per_hour if per_hour else CYCLE_S
-        on = cycle * number / 100.0 if number else cycle
-        running = on - sum(phase.seconds for phase in stated)
+        if phase is not None and not phase["ampere"]:
+            stated.append(_phase(phase, 1.0))
+        elif (per_hour := PER_HOUR.fullmatch(part)) and kind not in ("S2", "S8"):
+            cycle, rate = 3600.0 / float(per_hour[1]), [f"{per_hour[1]} cycles an hour"]
+        else:
+            raise UsageError(f"{wrong} Got {part!r}.")
+    words = ", ".join([text.partition(":")[0], *map(phase_words, stated), *rate])
+    if kind == "S2" and bool(number) != bool(stated):
+        return Duty(text, tuple(stated) or (Phase(60.0 * number, 1.0),), 1, "", words)
+    on = 0.01 * number * cycle if number else cycle
+    running = on - sum(phase.seconds for phase in stated)
+    is_such = bool(number) == has_number and number < 100.0 and kind != "S2"
+    if not is_such or len(stated) < fewest or (stated and not fewest):
+        raise wrong
+    if kind != "S8":
         if running <= 0.0:
-            raise wrong(f"phases that leave nothing of {on:g} s under load")
-        start, brake = stated, []
-        if of_type.is_braked:
-            start, brake = stated[:-1], stated[-1:]
-        after = [Phase(cycle - on, **(AT_REST if of_type.rests else {"current": 0.0}))]
-        phases = (*start, Phase(running, 1.0), *brake, *(after if number else []))
+            raise UsageError(f"{wrong} These leave nothing of {on:g} s under load.")
+        at = len(stated) - num_after
+        stated[at:at] = [Phase(running, 1.0)]
+        stated += [Phase(cycle - on, **rest)] if rest else []
+    if not any(phase.current for phase in stated):
+        raise UsageError(f"{wrong} No phase has a load.")
+    return cycled(text, tuple(stated), "", words)
+
+
+def parse_rating(text: str, slow_s: float, rated_A: float | None) -> Duty | Stated:
+    """Return what is asked for by `--rating`.
+
+    Args:
+        text: As `parse_duty`, or in the forms of `STATED`; their loads are in amperes, or over the
+            rated current.
+        slow_s: As `parse_duty`.
+        rated_A: Rated current [A]; None where the motor file gives none.
+
+    Raises:
+        UsageError: As `parse_duty`.
+        InputError: Likewise.
+    """
+    sought, _, name = text.partition(":")
+    if sought not in ("time", "starts"):
+        return parse_duty(text, slow_s)
+    parts, start = name.split(","), None
+    if sought == "time":
+        load, _, said = name.partition(":")
+        # a load that is held is a phase of any length
+        parts, start, name = [f"{load}x1"], _start(said), f"{load}_{said or 'cold'}"
+    phases = []
+    for found in map(PHASE.fullmatch, parts):
+        if found is None or (start is None and sought == "time"):
+            raise UsageError(f"rating {text!r}: expected {STATED}.")
+        if rated_A is None and not found["ampere"] and float(found["load"]):
+            raise UsageError(
+                f"rating {text!r}: expected currents in A, such as 150A, got {found['load']} times "
+                "a rated current that is not stated: give [motor] rated_current_A."
+            )
+        phases.append(_phase(found, 1.0 if found["ampere"] else rated_A or 0.0))
     if not any(phase.current for phase in phases):
-        raise wrong("no load in any phase")
-    return _cycled(text, phases, slow_s, "", _in_words(kind, number, stated, per_hour))
+        raise UsageError(f"rating {text!r}: expected a load, got none. Such as {STATED}.")
+    return Stated(name, tuple(phases), start)
 
 
-def _phase(found: re.Match[str]) -> Phase:
-    """Return a phase; one without load and speed is at rest."""
-    seconds, load = float(found["seconds"]), float(found["load"])
-    if not load and not float(found["rpm"] or 0.0):
+def _start(said: str) -> str | float | Mapping[str, float] | None:
+    """Return the state that a time counts from; None for a text that says none."""
+    if said in ("", "cold", "hot"):
+        return said or "cold"
+    if re.fullmatch(f"-?{N}", said):
+        return float(said)
+    found = [AT_NODE.fullmatch(part) for part in said.split(",")]
+    return None if None in found else {each[1]: float(each[2]) for each in found if each}
+
+
+def _phase(found: re.Match[str], unit: float) -> Phase:
+    """Return a phase with its load in a unit; one without load and speed is at rest."""
+    seconds, load, rpm = float(found["seconds"]), unit * float(found["load"]), found["rpm"]
+    if not load and not float(rpm or 0.0):
         return Phase(seconds, **AT_REST)
-    return Phase(seconds, load, None if found["rpm"] is None else float(found["rpm"]))
-
-
-def _in_words(kind: str, number: float, stated: list[Phase], per_hour: float) -> str:
-    """Return a duty in the words of the sheet."""
-    name = f"{kind}-{number:g}" if number else kind
-    rate = [f"{per_hour:g} cycles an hour"] if per_hour else []
-    return ", ".join([name, *map(phase_words, stated), *rate])
+    return Phase(seconds, load, None if rpm is None else float(rpm))
 
 
 def phase_words(phase: Phase, unit: str = "times the current") -> str:
@@ -181,13 +228,6 @@ def phase_words(phase: Phase, unit: str = "times the current") -> str:
     if not phase.current:
         return f"{phase.seconds:g} s without current{at}"
     return f"{phase.current:g} {unit} for {phase.seconds:g} s{at}"
-
-
-def _cycled(
-    name: str, phases: tuple[Phase, ...], slow_s: float, losses: str, words: str = ""
-) -> Duty:
-    cycle = sum(phase.seconds for phase in phases)
-    return Duty(name, phases, max(2, round(5 * slow_s / cycle)), losses, words or name)
 
 
 def _read(path: Path) -> tuple[Phase, ...]:
