@@ -246,15 +246,19 @@ def _rest(result: FitResult) -> list[str]:
 
 def _at_end(test: DescribedTest) -> str:
     """Return whether the winding had settled when a test ended, and where its readings tend to."""
-    found = known(test.equilibrium)
-    if found is None or found.continued_K is None or found.continued_95_K is None:
-        return at_end(test)
-    low, high = found.continued_95_K
-    ends = format_interval((low, high), 0.5 * (high - low))
-    return (
-        f"{at_end(test)}; its readings alone tend to a rise of {rounded(found.continued_K, 3)} K "
-        f"(95 % {ends} K), extrapolated by one exponential"
-    )
+    found, said = known(test.equilibrium), at_end(test)
+    if found is None:
+        return said
+    for what, rise, ends, how in (
+        ("its readings alone tend", found.continued_K, found.continued_95_K, "by one exponential"),
+        ("the network tends", found.network_K, found.network_95_K, "under its last load"),
+    ):
+        if rise is not None and ends is not None:
+            both = format_interval(ends, 0.5 * (ends[1] - ends[0]))
+            said += (
+                f"; {what} to a rise of {rounded(rise, 3)} K (95 % {both} K), extrapolated {how}"
+            )
+    return said
 
 
 def _rating(name: str, figure: DerivedFigure) -> str:

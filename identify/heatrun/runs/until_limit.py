@@ -96,7 +96,8 @@ def _starts(
         states.append(last)
     median = int(np.median(counts))
     if median == MOST_STARTS:
-        return (refused(f"{MOST_STARTS} starts do not reach {limit.degC:.0f} °C"),) * 2
+        never = refused(f"{MOST_STARTS} starts do not reach {limit.degC:.0f} °C")
+        return never, never
     low, high = np.quantile(counts, [0.025, 0.975])
     ends = float(np.floor(low)), float(np.ceil(high))
     found = DerivedFigure(value=median, unit="", sd=None, interval_95=ends, condition=words)
