@@ -76,7 +76,7 @@ def _starts(
     seen, sample = rated.seen, rated.sample
     state, words = _state(rated, start, limit)
     said = ", ".join(phase_words(phase, "A") for phase in asked.phases)
-    words = f"{said}, {words}, {_heated(rated, limit)}"
+    words = f"by the winding alone, {said}, {words}, {_heated(rated, limit)}"
     short = seen.short_of(degC=limit.degC, amperes=max(p.current for p in asked.phases))
     # phases are in amperes
     factor = np.full(sample.other.size, 1.0 / float(seen.loaded.current_squared))
