@@ -39,7 +39,7 @@ from .record.record import Finding, Record
 from .record.reduction import reduce, with_scales
 from .results.model import DescribedTest, FitResult, FittedModel
 from .results.values import Role
-from .runs.result import assemble, describe_model, describe_test
+from .runs.result import assemble, describe_model, describe_test, with_network_rise
 from .runs.run_folder import RunFolder, environment
 from .work import SILENT, USUAL_MCMC_S, Work
 
@@ -298,6 +298,11 @@ def calibrate(
     findings += [finding for outcome in outcomes.values() for finding in outcome.findings]
     attempts = Attempts()
     rows, found = describe_tests(last, tests, motor, attempts, work)
+    rows = [
+        attempts.of("the steady rise of the network", lambda row=row, by=by: (
+            with_network_rise(row, by) if by.is_there else row), row, where=row.name, test=row.name)
+        for row, by in zip(rows, predictions[names[-1]], strict=True)
+    ]  # fmt: skip
     work.done("reduction")
     described = {name: outcome.described for name, outcome in outcomes.items()}
     findings += [*found, *attempts.findings]

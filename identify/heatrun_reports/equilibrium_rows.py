@@ -12,7 +12,7 @@ from .figures.plot import wording
 from .report import Column, Line, Row, Table
 
 if TYPE_CHECKING:
-    from .analysis.steady_of_network import SteadyNetwork
+    from heatrun.runs.steady_of_network import SteadyNetwork
 
 VERDICT = {True: "reached", False: "not reached", None: "undecided"}
 
@@ -71,12 +71,12 @@ def gradients(settled: Sequence[Equilibrium]) -> Table:
         stretch = each.stretch
         span = (None, None) if stretch is None else (stretch.from_s / 60.0, stretch.to_s / 60.0)
         pairs = list(zip(each.gradients_K_per_h, each.errors_K_per_h, strict=True))
-        figures = tuple(value for pair in pairs for value in pair) or (None,) * 4
+        figures = (None,) * (4 - 2 * len(pairs)) + tuple(v for pair in pairs for v in pair)
         not_continued = f"not continued: {each.steady}" if isinstance(each.steady, str) else ""
         note = "; ".join(part for part in (each.reason, not_continued) if part)
         cells = (*span, *figures, VERDICT[each.is_reached])
         of_pairs = [places_of(error) if error > 0.0 else None for _, error in pairs]
-        places = tuple(digits for each in of_pairs for digits in (each, each)) or (None,) * 4
+        places = (None,) * (4 - 2 * len(pairs)) + tuple(d for d in of_pairs for _ in range(2))
         lines.append(Line(wording(each.channel), "K/h", cells, note, (1, 1, *places, None)))
     return Table("Gradients of the rise over the sink", columns, tuple(lines))
 

@@ -12,7 +12,7 @@ from heatrun.record.motor import Motor
 from heatrun.record.record import Finding, Record
 from heatrun.record.samples import samples
 from heatrun.reports.printed import COVERAGE_FACTOR, format_interval, format_value, places_of
-from heatrun.runs.equilibrium import CRITERION, EXTRAPOLATION, SteadyRise
+from heatrun.runs.equilibrium import EXTRAPOLATION, SteadyRise, criterion_words
 
 from .analysis.drive import LossSplit, integrate
 from .analysis.equilibrium import ThermalBehaviour, thermal_behaviour
@@ -37,7 +37,6 @@ PLACES_K = 2
 """Of differences between readings and network [K]: as the certificate prints them."""
 
 DEFINITIONS = (
-    ("Thermal equilibrium", CRITERION),
     (
         "Simulated winding",
         "Median over draws of the run's parameters, each driven by the currents, losses and sink "
@@ -94,7 +93,8 @@ def thermal_report(motor: Motor, record: Record, run: Path | None = None) -> Rep
             Drawing("flows", "Heat flows of the network with their 95 % bands.",
                     lambda: figures.flows(simulated, labels)),
         ]  # fmt: skip
-    definitions = list(DEFINITIONS if simulated is not None else DEFINITIONS[:1])
+    definitions = [("Thermal equilibrium", criterion_words(motor.equilibrium))]
+    definitions += DEFINITIONS if simulated is not None else ()
     if simulated is not None:
         definitions.append(_flows_defined(simulated))
     if continued:

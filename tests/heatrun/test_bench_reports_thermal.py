@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +15,14 @@ from run_near_truth import INSTRUMENTS, TRUTH, run_near_truth, seal
 from heatrun.errors import InputError
 from heatrun.io.texts import LANGUAGES, Texts
 from heatrun.readers.read import read_record
-from heatrun.record.motor import Motor
+from heatrun.record.motor import EQUILIBRIA, Motor
 from heatrun.record.record import Record
 from heatrun.record.reduction import reduce
 from heatrun.reports.certificate import at_end
+from heatrun.reports.terminal import _at_end
 from heatrun.results.model import WindingAtEnd
 from heatrun.runs.equilibrium import SteadyRise, equilibria, equilibrium, steady_rise, stretches
-from heatrun.runs.result import describe_test
+from heatrun.runs.result import describe_test, with_network_rise
 from heatrun.runs.run import open_run
 from heatrun.simulation import simulate_file
 from heatrun_reports import build_report, read_reference
@@ -385,9 +387,8 @@ def test_nothing_is_continued_where_the_load_is_not_known_to_be_held():
 
 
 def test_the_network_of_a_run_continues_a_heat_run_to_its_rest(run, bench, generator):
-    report = build_report(
-        "thermal", MOTOR, bench(generator.constant_load(2700.0), seed=22, name="stopped"), run=run
-    )
+    record = bench(generator.constant_load(2700.0), seed=22, name="stopped")
+    report = build_report("thermal", MOTOR, record, run=run)
     machine = generator.reference_motor()
     current, speed = float(machine.current(0.55)), 0.7 * machine.rated_speed_rpm
     other = float(machine.other_loss(current, speed))
@@ -404,6 +405,14 @@ def test_the_network_of_a_run_continues_a_heat_run_to_its_rest(run, bench, gener
     # one exponential of 30 min comes to the same within what it leaves open
     low, high = report.result.settled[-1].steady.rise_95_K
     assert low - 1.0 < winding - sink < high + 1.0
+    # and what a calibration says of the test is the same
+    described = describe_test(record, reduce(record, MOTOR), MOTOR, "calibration", 0.0)
+    said = with_network_rise(described, report.result.simulated.prediction)
+    assert said.equilibrium.network_K == pytest.approx(winding - sink, abs=1.0)
+    low, high = said.equilibrium.network_95_K
+    assert low < said.equilibrium.network_K < high
+    assert "by IEC 60034-1:2010" in _at_end(said)
+    assert "the network tends to a rise of" in _at_end(said)
 
 
 OF_20_mOHM = Motor("m", phase_resistance_ohm=0.02)
@@ -514,3 +523,27 @@ def test_a_run_says_whether_the_winding_had_settled(hours, is_reached, key):
     duty = describe_test(swinging, reduce(record, MOTOR), MOTOR, "calibration", 0.0)
     assert duty.equilibrium is UNSET
     assert at_end(duty) == ""
+
+
+@pytest.mark.parametrize("standard", EQUILIBRIA)
+def test_each_standard_judges_by_its_own_change(standard):
+    """A straight drift is within the limit at 0.9 of it, beyond it at 1.1, and open at it."""
+    by, time_s = EQUILIBRIA[standard], np.arange(0.0, 7201.0, 2.0)
+    machine = replace(MOTOR, equilibrium=standard)
+    noise = 0.02 * np.random.default_rng(1).normal(size=time_s.size)
+    for share, expected in ((0.9, True), (1.1, False), (1.0, None)):
+        drift = 80.0 + share * by.K_per_h / 3600.0 * time_s
+        record = held("drift", time_s, winding_degC=drift + noise, ambient_degC=20.0)
+        found = equilibrium(record, machine, "winding_degC")
+        assert found.is_reached is expected
+        assert len(found.gradients_K_per_h) == by.num_intervals
+    assert f"{by.K_per_h:g} K/h lie" in found.reason
+    report = build_report("thermal", machine, record)
+    (defined,) = [said for name, said in report.definitions if name == "Thermal equilibrium"]
+    assert standard in defined
+    say = Texts("it")
+    say.again(defined)
+    say.again(found.reason)
+    assert not say.unknown
+    (line,) = [line for line in report.tables[1].lines if line.name == "winding"]
+    assert line.cells[5] is not None

@@ -34,6 +34,7 @@ phases = 6
 losses = "map"
 sink = "coolant"
 insulation_class = "F"
+equilibrium = "IEEE 112"
 rated_speed_rpm = 6000
 [winding]
 material = "aluminium"
@@ -68,6 +69,7 @@ def test_everything_it_may_say(tmp_path):
         losses="map",
         sink="coolant",
         insulation_class="F",
+        equilibrium="IEEE 112",
         rated_speed_rpm=6000.0,
         resistance_coefficient_degC=225.0,
         phase_resistance_ohm=0.0062,
@@ -125,6 +127,7 @@ def test_material(tmp_path, winding, coefficient):
         ("[motor]\nname = 'M'\nlosses = ['map']", "balance, map"),
         ("[motor]\nname = 'M'\nsink = 'air'", "ambient, coolant"),
         ("[motor]\nname = 'M'\ninsulation_class = 'X'", "A, E, B, F, H, N, R"),
+        ("[motor]\nname = 'M'\nequilibrium = 'IEEE'", "Did you mean 'IEEE 112'"),
         ("[motor]\nname = 'M'\nrated_speed_rpm = -1", "above 0, got -1"),
         ("[motor]\nname = 'M'\nrated_speed_rpm = '6000 rpm'", "number for rated_speed_rpm"),
         ("[motor]\nname = 'M'\nrated_speed_rpm = nan", "above 0, got nan"),

@@ -27,10 +27,12 @@ from heatrun.model.problem import Problem
 from heatrun.record.blocks import Blocks
 from heatrun.record.motor import Motor, ParameterOverride, ShutDown
 from heatrun.record.record import Record
-from heatrun.reports.content import _derived
-from heatrun.runs.duties import current_at_limit, parse_duty
+from heatrun.reports.content import _derived, _named
+from heatrun.reports.terminal import _rating
+from heatrun.runs.duties import current_at_limit
 from heatrun.runs.machine import machines
 from heatrun.runs.ratings_figures import derive, rates
+from heatrun.runs.stated_duty import parse_duty, parse_rating
 from lptn import CopperLosses, Drive, Network
 from lptn.effects import EFFECTS
 
@@ -204,7 +206,17 @@ def test_the_figures_of_the_second_order_are_those_of_the_formulas(kind, draws):
 def test_the_currents_of_duties_are_those_of_the_exact_solution(draws, tmp_path):
     rows = ["seconds,current_A", "100,90", "140,45", "200,0"]
     (tmp_path / "hoist.csv").write_text("\n".join(rows))
-    asked = ("S1", "S2-30", "S3-40", "S6-40", f"{tmp_path}/hoist.csv")
+    asked = (
+        "S1",
+        "S2-30",
+        "S3-40",
+        "S6-40",
+        f"{tmp_path}/hoist.csv",
+        "S4-40:3x10",
+        "S5-40:3x10,2x5,12/h",
+        "S7:3x10,2x5",
+        "S8:1x100,0.5x140,0x200",
+    )
     found = derive(posterior("second", motor(), draws), asked)
     by_hand = ByHand.of("balance", draws)
     cold = np.array([SINK, SINK])
@@ -214,14 +226,20 @@ def test_the_currents_of_duties_are_those_of_the_exact_solution(draws, tmp_path)
         for _ in range(num):
             for number, (seconds, share, other) in enumerate(phases):
                 state = by_hand.after(index, (share * current) ** 2, other, state, seconds)
-                # at the end of the first phase: the winding is hotter than the stator
-                top = state[0] if number == 0 else top
+                # at the end of each phase: within one, the hottest moment is at either end
+                top = max(top if number else 0.0, state[0])
         return top - (SINK + 105.0)  # the permitted rise, as on page 1 and in the map
 
     slow = np.median(by_hand.times(0.0, 0.0)[1])
     by_cycle = {"S3-40": [(240.0, 1.0, 1.0), (360.0, 0.0, 0.0)],
                 "S6-40": [(240.0, 1.0, 1.0), (360.0, 0.0, 1.0)],
-                "hoist": [(100.0, 1.0, 1.0), (140.0, 0.5, 1.0), (200.0, 0.0, 0.0)]}  # fmt: skip
+                "hoist": [(100.0, 1.0, 1.0), (140.0, 0.5, 1.0), (200.0, 0.0, 0.0)],
+                "S4-40:3x10": [(10.0, 3.0, 1.0), (230.0, 1.0, 1.0), (360.0, 0.0, 0.0)],
+                "S5-40:3x10,2x5,12/h": [(10.0, 3.0, 1.0), (105.0, 1.0, 1.0), (5.0, 2.0, 1.0),
+                                        (180.0, 0.0, 0.0)],
+                "S7:3x10,2x5": [(10.0, 3.0, 1.0), (585.0, 1.0, 1.0), (5.0, 2.0, 1.0)],
+                "S8:1x100,0.5x140,0x200": [(100.0, 1.0, 1.0), (140.0, 0.5, 1.0),
+                                           (200.0, 0.0, 0.0)]}  # fmt: skip
     duties = {"S2-30": ([(1800.0, 1.0, 1.0)], 1)} | {
         name: (phases, round(5 * slow / sum(p[0] for p in phases)))
         for name, phases in by_cycle.items()
@@ -231,10 +249,140 @@ def test_the_currents_of_duties_are_those_of_the_exact_solution(draws, tmp_path)
         entry = found[f"{name}_current_A"]
         # the search halves 0...6 LARGEST sixteen times
         assert entry.value == pytest.approx(np.median(currents), abs=2.0 * 6.0 * LARGEST / 2**16)
-        assert ("none at rest" in entry.condition) == (name != "S6-40")
-        assert ("extrapolated" in entry.condition) == (entry.value > 1.2 * LARGEST)
+        assert ("none at rest" in entry.condition) == (name not in ("S6-40", "S7:3x10,2x5"))
+        largest = entry.value * max(share for _, share, _ in duty[0])
+        assert ("extrapolated" in entry.condition) == (largest > 1.2 * LARGEST)
+        say = Texts("de")
+        _derived(entry, say)
+        assert name == "hoist" or not say.unknown
     assert "permitted rise 105 K" in found["S2-30_current_A"].condition
     assert found["S1_current_A"] == found["continuous_current_by_rise_A"]
+
+
+PERMITTED = SINK + 105.0
+
+
+def resting(by_hand, index, current=CURRENT):
+    return by_hand.after(index, current**2, 1.0, np.array([SINK, SINK]), 1e6)
+
+
+def test_the_time_to_the_limit_is_that_of_the_exact_solution_from_any_state(draws):
+    by_hand = ByHand.of("balance", draws)
+    share = [(60.0 - SINK) / (resting(by_hand, i)[0] - SINK) for i in range(NUM)]
+    starts = {
+        "cold": lambda i: np.array([SINK, SINK]),
+        "hot": lambda i: resting(by_hand, i),
+        "60": lambda i: SINK + share[i] * (resting(by_hand, i) - SINK),
+        "winding=80,stator=50": lambda i: np.array([80.0, 50.0]),
+    }
+    asked = [f"time:{load}A:{start}" for start in starts for load in (180, 240)]
+    found = derive(posterior("second", motor(), draws), asked)
+    for start, state in starts.items():
+        for load in (180, 240):
+
+            def at(index, time, load=load, state=state):
+                return by_hand.after(index, load**2, 1.0, state(index), time)[0] - PERMITTED
+
+            times = [0.0 if at(i, 0.0) >= 0.0 else brentq(lambda t, i=i: at(i, t), 0.0, 5e4)
+                     for i in range(NUM)]  # fmt: skip
+            entry = found[f"time_to_limit_{load}A_{start}_s"]
+            if np.median(times) == 0.0:
+                assert "at 126 °C or above at the start" in entry.refused
+            else:
+                check(entry, times, rtol=1e-3)
+                assert f"{load} A" in entry.condition
+            say = Texts("it")
+            _derived(entry, say)
+            assert not say.unknown
+    assert "extrapolated, tested up to 150 A" in found["time_to_limit_240A_cold_s"].condition
+
+
+def test_the_time_to_the_limit_is_the_time_limited_current_turned_round():
+    known = posterior("second", motor(), TRUE)
+    current = derive(known, ["S2-30"])["S2-30_current_A"].value
+    found = derive(known, [f"time:{current}A", "time:60A", "time:1A:winding=80"])
+    assert found[f"time_to_limit_{current}A_cold_s"].value == pytest.approx(1800.0, rel=1e-3)
+    never = found["time_to_limit_60A_cold_s"].refused
+    assert never == "never with a probability of 100 %, 60 A does not reach 126 °C"
+    wrong = found["time_to_limit_1A_winding=80_s"].refused
+    assert wrong == "expected start temperatures of winding and stator, got winding"
+    say = Texts("de")
+    assert [say.again(each) for each in (never, wrong)]
+    assert not say.unknown
+
+
+def test_a_time_says_how_probably_the_limit_is_reached(draws):
+    by_hand = ByHand.of("balance", draws)
+    # the continuous current of the permitted rise: about half of the machines reach it
+    rests = [brentq(lambda A, i=i: resting(by_hand, i, A)[0] - PERMITTED, 50.0, 150.0)
+             for i in range(NUM)]  # fmt: skip
+    current = round(float(np.quantile(rests, 0.7)), 1)
+    share = np.mean(np.array(rests) < current)
+    found = derive(posterior("second", motor(), draws), [f"time:{current}A"])
+    name = f"time_to_limit_{current}A_cold_s"
+    entry = found[name]
+    assert f"reached with a probability of {100.0 * share:.0f} %" in entry.condition
+    assert "… ∞ " in _rating(name, entry)
+    assert _derived(entry, Texts())[2].endswith("… ∞")
+    assert _named(name, Texts("de")) == f"Zeit bis zur Grenze, {current}A cold"
+    assert _named("S4-40:5x2_current_A", Texts()) == "Current, S4-40:5x2"
+
+
+def test_starts_and_the_pause_are_those_of_the_exact_solution(draws):
+    by_hand = ByHand.of("balance", draws)
+    found = derive(posterior("second", motor(rated_current_A=CURRENT), draws), ["starts:5x5,0x30"])
+
+    def started(index, state):
+        hot = by_hand.after(index, (5.0 * CURRENT) ** 2, 1.0, state, 5.0)
+        return hot[0], by_hand.after(index, 0.0, 0.0, hot, 30.0)
+
+    for name, first in (("cold", lambda i: np.array([SINK, SINK])),
+                        ("hot", lambda i: resting(by_hand, i))):  # fmt: skip
+        counts = []
+        for index in range(NUM):
+            state, count = first(index), 0
+            while (after := started(index, state))[0] < PERMITTED:
+                state, count = after[1], count + 1
+            counts.append(count)
+        entry = found[f"starts_5x5,0x30_{name}"]
+        num = int(np.median(counts))
+        assert entry.value == num
+        low, high = np.quantile(counts, [0.025, 0.975])
+        assert entry.interval_95 == (np.floor(low), np.ceil(high))
+        pauses = []
+        for index in range(NUM):
+            state = first(index)
+            for _ in range(num):
+                state = started(index, state)[1]
+
+            def late(pause, index=index, state=state):
+                rested = by_hand.after(index, 0.0, 0.0, state, pause)
+                return started(index, rested)[0] - PERMITTED
+
+            pauses.append(0.0 if late(0.0) < 0.0 else brentq(late, 0.0, 2e4))
+        check(found[f"pause_5x5,0x30_{name}_s"], pauses, rtol=2e-3)
+        assert f"after {num} starts" in found[f"pause_5x5,0x30_{name}_s"].condition
+        for language in ("de", "it"):
+            say = Texts(language)
+            _derived(entry, say)
+            _derived(found[f"pause_5x5,0x30_{name}_s"], say)
+            assert not say.unknown
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ("time:150A:warm", "expected time:LOAD or time:LOAD:START"),
+        ("time:150A@300", "expected time:LOAD"),
+        ("time:", "expected time:LOAD"),
+        ("starts:600A", "or starts:PHASES"),
+        ("starts:0x5", "expected a load, got none"),
+        ("time:1.2", "got 1.2 times a rated current that is not stated"),
+    ],
+)
+def test_a_stated_load_that_is_none_is_refused(wrong, said):
+    with pytest.raises(UsageError, match=said):
+        parse_rating(wrong, 1.0, None)
 
 
 @pytest.mark.parametrize("kind", ["balance", "map"])
@@ -556,9 +704,35 @@ def test_names_are_read():
     duty = parse_duty("S3-40", 1800.0)
     assert [phase.seconds for phase in duty.phases] == [240.0, 360.0]
     assert duty.num_cycles * 600.0 >= 4 * 1800.0
-    for wrong in ("S3-140", "S2-0", "S4-25", "S2", "S2-x"):
-        with pytest.raises(UsageError, match="expected S2-MINUTES"):
-            parse_duty(wrong, 1.0)
+    duty = parse_duty("S5-40:5x2,3x1@500,60/h", 1800.0)
+    assert [phase[:3] for phase in duty.phases] == [
+        (2.0, 5.0, None), (21.0, 1.0, None), (1.0, 3.0, 500.0), (36.0, 0.0, 0.0)
+    ]  # fmt: skip
+    assert parse_duty("S2:5x2,1x600", 1800.0).num_cycles == 1
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ("S3-140", "expected S3-PERCENT, such as S3-40"),
+        ("S2-0", "expected S2-MINUTES"),
+        ("S2", "expected S2-MINUTES or S2:PHASES"),
+        ("S2-30:5x2", "expected S2-MINUTES"),
+        ("S9-1", "expected S1, a CSV file"),
+        ("S4-25", "expected S4-PERCENT:START, such as S4-40:5x2"),
+        ("S5-25:5x2", "expected S5-PERCENT:START,BRAKING"),
+        ("S4:5x2", "expected S4-PERCENT:START"),
+        ("S7-40:5x2,3x1", "expected S7:START,BRAKING"),
+        ("S4-40:5x400", "leave nothing of 240 s under load"),
+        ("S4-40:600Ax2", "Got '600Ax2'"),
+        ("S8:5x2,3x0", "Got '3x0'"),
+        ("S8:5x2,60/h", "A phase is LOADxSECONDS or LOADxSECONDS@RPM.*Got '60/h'"),
+        ("S8:0x2,0x5", "No phase has a load"),
+    ],
+)
+def test_a_duty_that_is_not_stated_says_what_is_missing(wrong, said):
+    with pytest.raises(UsageError, match=said):
+        parse_duty(wrong, 1.0)
 
 
 @pytest.mark.parametrize(

@@ -12,8 +12,8 @@ from ..calibration import BenchTest, Calibration, Settings, calibrate, identity,
 from ..model.network_text import network_text
 from ..record.motor import Motor
 from ..reports.of_run import with_sheet
-from ..runs.duties import parse_duty
 from ..runs.run_folder import RunFolder, free_place, refuse_unwritable
+from ..runs.stated_duty import parse_rating
 from ..runs.write import write_run
 from ..work import Progress, work_of_calibration
 
@@ -96,7 +96,7 @@ def calibrate_into(
     # what the sheet says beside the numbers: a run with other words on it is another result
     stated = motor.certificate.as_section()
     # with what a file says; wrong use is said before anything is fitted
-    duties = [repr(parse_duty(each, 1.0)) for each in settings.duties]
+    duties = [repr(parse_rating(each, 1.0, motor.rated_current_A)) for each in settings.duties]
     further = (*duties, *([json.dumps(stated, sort_keys=True)] if stated else []))
     folder = place.begin(same, say, further)
     names = [form.name for form in settings.forms]

@@ -21,6 +21,7 @@ from ..io.open_file import read_start
 from ..io.toml_text import LARGEST_BYTES, check_keys, parse_toml, shown, text_of
 from ..record.channels import BODIES, CHANNEL, body_name, parse_claims
 from ..record.motor import (
+    EQUILIBRIA,
     HEAT_LIMITS,
     LIMIT_DEGC,
     Adequacy,
@@ -386,6 +387,7 @@ KEYS: dict[str, tuple[str, ...]] = {
         "losses",
         "sink",
         "insulation_class",
+        "equilibrium",
         "rated_speed_rpm",
         "rated_current_A",
         "mass_kg",
@@ -488,6 +490,7 @@ def parse_motor(data: bytes, where: str) -> Motor:
             _choice(motor, "sink", ("ambient", "coolant"), at) or "ambient",
         ),
         insulation_class=_choice(motor, "insulation_class", INSULATION_CLASSES, at),
+        equilibrium=_choice(motor, "equilibrium", tuple(EQUILIBRIA), at) or Motor.equilibrium,
         rated_speed_rpm=_number(motor, "rated_speed_rpm", POSITIVE, at),
         rated_current_A=_number(motor, "rated_current_A", POSITIVE, at),
         resistance_coefficient_degC=_coefficient(winding, at_winding),

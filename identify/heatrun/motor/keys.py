@@ -13,6 +13,7 @@ from pathlib import Path
 
 from ..io.whole_files import write_whole
 from ..record.channels import BODIES, CHANNELS
+from ..record.motor import EQUILIBRIA
 from .file import UNITS
 
 
@@ -71,6 +72,10 @@ MOTOR = Section(
         Key("insulation_class", "Letter of IEC 60085 (A, E, B, F, H, N, R). With it come the "
             "continuous current and the time to the limit, and in air what is left of the rise by "
             "resistance that the class permits (F: 105 K).", '"F"', "no ratings"),
+        Key("equilibrium", "Criterion of thermal equilibrium that tests are judged by: "
+            + "; ".join(f'"{name}" ({each.change_K:g} K in {each.over_s / 60.0:.0f} min, '
+                        f"{each.source})" for name, each in EQUILIBRIA.items()) + ".",
+            '"IEEE 112"', f'"{next(iter(EQUILIBRIA))}"'),
         Key("rated_speed_rpm", "Speed that effects of the speed are scaled with [rpm].", "6000",
             "the largest speed in the records"),
         Key("rated_current_A", "Rms current that the sheet states the steady rise at, and that "

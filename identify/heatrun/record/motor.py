@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -153,6 +153,38 @@ compared with the edition in force. Smaller, larger and encapsulated machines ha
 WARMEST_AIR_DEGC = 40.0
 """Air up to which the whole rise is permitted [degC]; above, so much less as it is warmer."""
 
+
+class Criterion(NamedTuple):
+    """When a temperature rise counts as steady.
+
+    Attributes:
+        change_K: It changes by at most so much [K],
+        over_s: over so long [s].
+        num_intervals: In so many successive intervals; two may be shorter, the gradient counts.
+        source: Where it stands.
+    """
+
+    change_K: float
+    over_s: float
+    num_intervals: int
+    source: str
+
+    @property
+    def K_per_h(self) -> float:
+        """The largest gradient [K/h]."""
+        return self.change_K / self.over_s * 3600.0
+
+
+EQUILIBRIA = {
+    "IEC 60034-1:2010": Criterion(2.0, 3600.0, 2, "definition of thermal equilibrium"),
+    "IEC 60034-1, 1 K in 30 min": Criterion(1.0, 1800.0, 1, "from memory"),
+    "IEEE 112": Criterion(1.0, 1800.0, 1, "from memory"),
+    "MIL-DTL-17060G": Criterion(0.5, 1800.0, 1, "4.6.16.1: three readings 15 min apart without an "
+                                "increase; 0.5 K, half a digit of 1 K, are ours"),
+}  # fmt: skip
+"""Criteria of thermal equilibrium by standard, the usual one first; those from memory are to be
+compared with the edition that binds the test."""
+
 HEAT_LIMITS = (1e-5, 0.05)
 """Smallest and largest share of the mean loss that heat outside the network may have [1]."""
 
@@ -260,6 +292,7 @@ class Motor:
             mechanical out. `"map"`: it is the other losses Pol alone, from a map or a model.
         sink: Which channel is the temperature T0 that the stator loses its heat to.
         insulation_class: IEC 60085 class letter, or None.
+        equilibrium: Which of `EQUILIBRIA` its tests are judged by.
         rated_speed_rpm: Speed that effects are scaled with [rpm], or None for the largest seen.
         rated_current_A: Rms current that effects are scaled with, or None for the largest seen; and
             that the steady rise is stated at, or None for that of the loaded part of the tests [A].
@@ -299,6 +332,7 @@ class Motor:
     losses: Literal["balance", "map"] = "balance"
     sink: Literal["ambient", "coolant"] = "ambient"
     insulation_class: str | None = None
+    equilibrium: str = next(iter(EQUILIBRIA))
     rated_speed_rpm: float | None = None
     rated_current_A: float | None = None
     mass_kg: float | None = None

@@ -9,7 +9,7 @@ from typing import Any
 
 from ..io.quantities import clean, quantity, rounded
 from ..io.texts import Texts
-from ..record.motor import Certificate
+from ..record.motor import EQUILIBRIA, Certificate
 from ..results import FitResult
 from ..results.budget import BudgetRow
 from ..results.model import (
@@ -21,7 +21,6 @@ from ..results.model import (
     FittedParameter,
 )
 from ..results.values import Interval, known, number
-from ..runs.equilibrium import LARGEST_GRADIENT_K_PER_H
 from ..runs.verdict import favoured, headline
 from .printed import COVERAGE_FACTOR, format_value, num_stated, printed, test_days, uncertain
 
@@ -198,11 +197,13 @@ def at_end(test: DescribedTest, say: Texts = ENGLISH) -> str:
         return ""
     U = COVERAGE_FACTOR * found.gradient_se_K_per_h
     key = {True: "settled", False: "not_settled", None: "maybe_settled"}[found.is_reached]
+    by = known(found.criterion) or next(iter(EQUILIBRIA))
     return say(
         key,
         test=clean(test.name)[:60],
         n=say.number(" ± ".join(format_value(found.gradient_K_per_h, U))),
-        most=f"{LARGEST_GRADIENT_K_PER_H:.0f}",
+        most=f"{EQUILIBRIA[by].K_per_h:g}",
+        by=by,
     )
 
 

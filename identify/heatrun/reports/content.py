@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -224,9 +225,18 @@ def _budget(line: ParameterLine, say: Texts) -> list[str]:
     return [clean(line.name), *(say.number(quantity(u, unit)) for u in both), words]
 
 
+ASKED = re.compile(
+    r"(?P<what>time_to_limit|starts|pause)_(?P<load>.+?)(_s)?|(?P<duty>S.+)_current_A"
+)
+"""Names of figures that `--rating` asks for."""
+
+
 def _named(figure: str, say: Texts) -> str:
     """Return a derived figure in words; one that the table lacks, such as of a node, by its key."""
     key = f"figure_{figure}"
+    if key not in table() and (found := ASKED.fullmatch(figure)):
+        what, load = found["what"] or "current", found["load"] or found["duty"]
+        return say(f"figure_{what}", load=load.replace("_", " "))
     return say(key) if key in table() else figure
 
 
@@ -235,7 +245,7 @@ def _derived(entry: DerivedFigure, say: Texts) -> list[str]:
         return [say("refused"), say.again(refusal), ""]
     sd = known(entry.sd)
     value, _ = format_value(known(entry.value), sd)
-    ends = format_interval(known(entry.interval_95), sd)
+    ends = format_interval(known(entry.interval_95), sd).replace("not determined", "∞")
     return [
         quantity(say.again(value), known(entry.unit) or ""),
         say.again(known(entry.condition) or ""),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import shlex
 from collections.abc import Hashable, Sequence
 from typing import TYPE_CHECKING
@@ -31,8 +32,9 @@ from .printed import format_interval, format_value, interval_ends
 if TYPE_CHECKING:  # JAX comes with it
     from ..runs.before_after import BeforeAfter, Change
 
-CURRENT, UNASKED = "_current_A", "continuous_current_A"
-"""End of the names of ratings, and the one that nobody needs to ask for by `--rating`."""
+ASKED = re.compile(r"(?!continuous_current_A).*_current_A|(time_to_limit_\d|starts_|pause_).*")
+UNASKED = "continuous_current_A"
+"""Names of ratings, and the one that nobody needs to ask for by `--rating`."""
 
 BY_RISE = ("rise_margin_K", "continuous_current_by_rise_A")
 """What the permitted rise leaves and allows."""
@@ -104,9 +106,7 @@ def result_text(result: FitResult, run: str = "RUN", *, verbose: bool = False) -
     lines.append(f"RMSE: fitted {_errors(model, 'calibration')}; held out "
                  f"{_errors(model, 'holdout')}")  # fmt: skip
     lines += [
-        _rating(name, figure)
-        for name, figure in model.derived.items()
-        if name.endswith(CURRENT) and name != UNASKED
+        _rating(name, figure) for name, figure in model.derived.items() if ASKED.fullmatch(name)
     ]
     lines.append(f"Next: {next_step(result, run)}")
     if verbose:
@@ -246,15 +246,19 @@ def _rest(result: FitResult) -> list[str]:
 
 def _at_end(test: DescribedTest) -> str:
     """Return whether the winding had settled when a test ended, and where its readings tend to."""
-    found = known(test.equilibrium)
-    if found is None or found.continued_K is None or found.continued_95_K is None:
-        return at_end(test)
-    low, high = found.continued_95_K
-    ends = format_interval((low, high), 0.5 * (high - low))
-    return (
-        f"{at_end(test)}; its readings alone tend to a rise of {rounded(found.continued_K, 3)} K "
-        f"(95 % {ends} K), extrapolated by one exponential"
-    )
+    found, said = known(test.equilibrium), at_end(test)
+    if found is None:
+        return said
+    for what, rise, ends, how in (
+        ("its readings alone tend", found.continued_K, found.continued_95_K, "by one exponential"),
+        ("the network tends", found.network_K, found.network_95_K, "under its last load"),
+    ):
+        if rise is not None and ends is not None:
+            both = format_interval(ends, 0.5 * (ends[1] - ends[0]))
+            said += (
+                f"; {what} to a rise of {rounded(rise, 3)} K (95 % {both} K), extrapolated {how}"
+            )
+    return said
 
 
 def _rating(name: str, figure: DerivedFigure) -> str:
@@ -266,10 +270,8 @@ def _rating(name: str, figure: DerivedFigure) -> str:
         if math.isnan(figure.median)
         else quantity(rounded(figure.median, 4), known(figure.unit) or "")
     )
-    low, high = figure.ends
-    return (
-        f"{name}: {value}  95 % {rounded(low, 4)} … {rounded(high, 4)}   {known(figure.condition)}"
-    )
+    low, high = (rounded(end, 4) if math.isfinite(end) else "∞" for end in figure.ends)
+    return f"{name}: {value}  95 % {low} … {high}   {known(figure.condition)}"
 
 
 def changes_text(found: BeforeAfter) -> str:

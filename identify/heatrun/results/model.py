@@ -176,6 +176,10 @@ class WindingAtEnd:
         continued_K: Steady rise of the readings alone, by one exponential [K]; null where it was
             reached, or the readings show no end.
         continued_95_K: Its 95 % interval [K]; null likewise.
+        criterion: Standard whose criterion of equilibrium it is; unset in earlier versions.
+        network_K: Steady rise of the network under the load of the last third of the stretch [K];
+            null where it was reached, or the network has none.
+        network_95_K: Its 95 % interval [K]; null likewise.
     """
 
     is_reached: bool | None
@@ -185,6 +189,9 @@ class WindingAtEnd:
     to_s: float
     continued_K: float | None = None
     continued_95_K: Interval | None = None
+    criterion: str | UnsetType = UNSET
+    network_K: float | None = None
+    network_95_K: Interval | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from functools import cached_property
 from typing import NamedTuple
 
 import jax
@@ -16,7 +15,6 @@ from jaxtyping import Array, Float, Int
 
 from lptn import Drive, hold
 
-from ..errors import InputError, UsageError
 from ..io.programs import compiled
 from ..io.quantities import rounded
 from ..model.model import Model
@@ -35,9 +33,7 @@ from .machine import (
     refused,
     steady_rise,
 )
-
-CYCLE_S = 600.0
-"""Length of a cycle of S3 and S6 [s]; IEC 60034-1, 4.2.3 and 4.2.6, if not agreed otherwise."""
+from .stated_duty import Duty, Phase
 
 NUM_DRAWS = 300
 """Draws behind a rating: each is a search over simulated duties."""
@@ -45,126 +41,6 @@ NUM_DRAWS = 300
 LARGEST, NUM_HALVINGS = 6.0, 16
 """Largest current of the search over the largest one tested [1], and halvings of its range: to
 2^-16 of it, far below the uncertainty."""
-
-PATTERN = re.compile(r"^(?P<kind>S2|S3|S6)-(?P<number>\d+(?:\.\d+)?)$")
-
-COLUMNS = ("seconds", "current_A", "speed_rpm", "other_losses_W")
-"""Columns of a duty's file; the last two may be left out."""
-
-
-class Phase(NamedTuple):
-    """A part of a duty over which the load stays.
-
-    Attributes:
-        seconds: Its length [s].
-        current: Rms current over the largest of the duty [1].
-        rpm: Speed; None for that of the loaded tests.
-        other_W: Losses other than copper; None for those of the loaded tests.
-    """
-
-    seconds: float
-    current: float
-    rpm: float | None = None
-    other_W: float | None = None
-
-
-AT_REST = {"current": 0.0, "rpm": 0.0, "other_W": 0.0}
-
-
-@dataclass(frozen=True)
-class Duty:
-    """A duty type of IEC 60034-1, or any other.
-
-    Attributes:
-        name: As asked for: `"S2-30"` is 30 minutes from cold, `"S3-40"` 40 % of each cycle, then
-            at rest; `"S6-40"` the same, then without current at the speed of the tests.
-        phases: What is repeated.
-        num_cycles: Cycles until the last one counts.
-        words: What the losses are, for the condition.
-    """
-
-    name: str
-    phases: tuple[Phase, ...]
-    num_cycles: int
-    words: str
-
-
-def parse_duty(text: str, slow_s: float) -> Duty:
-    """Return a duty by its name.
-
-    Args:
-        text: `"S1"`, `"S2-MINUTES"`, `"S3-PERCENT"`, `"S6-PERCENT"`, or the path of a CSV file with
-            a phase of the cycle in each row: `COLUMNS`.
-        slow_s: Slow time constant [s]; a cycled duty runs for five of them.
-
-    Raises:
-        UsageError: If the name is none of these, or the share is not inside 0…100 %.
-        InputError: If the file is not such a duty.
-    """
-    if text.lower().endswith(".csv"):
-        phases = _read(Path(text))
-        words = "as the file has them" if phases[0].other_W is not None else ""
-        return _cycled(Path(text).stem, phases, slow_s, words)
-    if text == "S1":
-        return Duty(text, (Phase(CYCLE_S, 1.0),), 1, "")
-    found = PATTERN.match(text)
-    number = float(found["number"]) if found else 0.0
-    if found and number > 0.0 and found["kind"] == "S2":
-        return Duty(text, (Phase(60.0 * number, 1.0),), 1, "")
-    if found and 0.0 < number < 100.0 and found["kind"] != "S2":
-        on = CYCLE_S * number / 100.0
-        rest = {"current": 0.0} if found["kind"] == "S6" else AT_REST
-        phases = (Phase(on, 1.0), Phase(CYCLE_S - on, **rest))
-        return _cycled(text, phases, slow_s, "")
-    raise UsageError(
-        f"rating {text!r}: expected S2-MINUTES, S3-PERCENT or S6-PERCENT, such as S2-30 or S3-40, "
-        "S1, or a CSV file of the phases of a duty. S4, S5, S7, S8 start, brake or change speed: "
-        f"write what they ask for as such a file, named {text}.csv, with the columns "
-        f"{', '.join(COLUMNS)}."
-    )
-
-
-def _cycled(name: str, phases: tuple[Phase, ...], slow_s: float, words: str) -> Duty:
-    cycle = sum(phase.seconds for phase in phases)
-    return Duty(name, phases, max(2, round(5 * slow_s / cycle)), words)
-
-
-def _read(path: Path) -> tuple[Phase, ...]:
-    """Return the phases of a duty's file, by the largest of its currents."""
-    import pandas as pd
-
-    try:
-        table = pd.read_csv(path)
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"the duty cannot be read: {error}", where=str(path),
-            remedy=f"Write a CSV file with the columns {', '.join(COLUMNS)}.",
-        ) from None  # fmt: skip
-    found = [name for name in COLUMNS if name in table]
-    numbers = table.apply(pd.to_numeric, errors="coerce").to_numpy(float)
-    is_known = set(COLUMNS[:2]) <= set(found) == set(table.columns)
-    if not is_known or not numbers.size or not np.all(np.isfinite(numbers)):
-        raise InputError(
-            f"expected numbers in the columns {', '.join(COLUMNS)} (the last two may be left out), "
-            f"got the columns {', '.join(map(str, table.columns))} and {len(table)} rows.",
-            where=str(path),
-            remedy="Write one row for each phase of the cycle.",
-        )
-    largest = float(table["current_A"].abs().max())
-    if not largest > 0.0 or not (table["seconds"] > 0.0).all():
-        raise InputError(
-            "a duty needs a current in one phase, and phases of more than 0 s.",
-            where=str(path),
-            remedy="Write the rms current of each phase [A] and its length [s].",
-        )
-    return tuple(
-        Phase(
-            row["seconds"], abs(row["current_A"]) / largest,
-            row.get("speed_rpm", None if row["current_A"] else 0.0),
-            row.get("other_losses_W", None if row["current_A"] else 0.0),
-        )
-        for row in table.to_dict("records")
-    )  # fmt: skip
 
 
 def current_at_limit(
@@ -194,6 +70,9 @@ def current_at_limit(
     return np.where(beyond, np.inf, np.where(low > 0.0, 0.5 * (low + high), 0.0))
 
 
+SAME_SHAPE = 4
+"""Duties are filled up to a multiple of so many phases."""
+
 STEPS_PER_TIME_CONSTANT = 10
 """Steps over the shortest time constant [1]: the third-order steps then err by 4e-5 of a change."""
 
@@ -209,6 +88,7 @@ class Rated:
         seen: Range of the tests.
         limit: The permitted rise, else the temperature of the class; None if no class is given.
         surroundings: As `heatrun.runs.machine.Tested.surroundings`.
+        rated_A: The rated current, else that of the loaded tests [A].
     """
 
     draw_values: DrawValues
@@ -217,6 +97,42 @@ class Rated:
     seen: Tested
     limit: Limit | None
     surroundings: str
+    rated_A: float = math.nan
+
+    @cached_property
+    def sample(self) -> Sample:
+        """The draws that ratings are simulated with."""
+        num = self.times.shape[0]
+        picked = np.random.default_rng(0).permutation(num)[:NUM_DRAWS]
+        return Sample(
+            values={name: draws[picked] for name, draws in self.draw_values.values.items()},
+            other=np.asarray(self.drawn.other)[picked],
+            longest_s=float(np.min(self.times[picked])) / STEPS_PER_TIME_CONSTANT,
+            cold={node: np.full(picked.size, self.seen.sink_degC)
+                  for node in self.draw_values.model.form.nodes},
+        )  # fmt: skip
+
+    def refusal(self) -> str:
+        """Return why nothing can be rated; empty where it can."""
+        if self.limit is None:
+            return NO_CLASS
+        return "" if np.any(self.drawn.copper_slope) else NO_CURRENT
+
+
+class Sample(NamedTuple):
+    """Draws of a machine.
+
+    Attributes:
+        values: Its parameters by name.
+        other: Other losses of the loaded part [W].
+        longest_s: Longest step of a simulation [s].
+        cold: Each node at the temperature of the sink [degC].
+    """
+
+    values: dict[str, Float[np.ndarray, " draw"]]
+    other: Float[np.ndarray, " draw"]
+    longest_s: float
+    cold: dict[str, Float[np.ndarray, " draw"]]
 
 
 def duty_current(rated: Rated, duty: Duty) -> DerivedFigure:
@@ -226,38 +142,34 @@ def duty_current(rated: Rated, duty: Duty) -> DerivedFigure:
         rated: The machine.
         duty: The duty.
     """
-    if rated.limit is None:
-        return refused(NO_CLASS)
-    if not np.any(rated.drawn.copper_slope):
-        return refused(NO_CURRENT)
+    if rated.limit is None or rated.refusal():
+        return refused(rated.refusal())
     seen, limit = rated.seen, rated.limit
-    picked = np.random.default_rng(0).permutation(rated.times.shape[0])[:NUM_DRAWS]
-    other = rated.drawn.other[picked]
-    values = {name: draws[picked] for name, draws in rated.draw_values.values.items()}
-    longest = float(np.min(rated.times[picked])) / STEPS_PER_TIME_CONSTANT
-    phases = _held(duty, seen.loaded, longest)
+    values, other, longest_s, cold = rated.sample
+    phases = held(duty.phases, seen.loaded, longest_s)
 
     def highest(current: np.ndarray, duty: Duty) -> np.ndarray:
         factor = jnp.asarray(current) ** 2 / seen.loaded.current_squared
-        top = _highest(rated.draw_values.model, values, seen.loaded, other, factor, phases,
-                       jnp.asarray(duty.num_cycles))  # fmt: skip
+        top = simulated(rated.draw_values.model, values, seen.loaded, other, factor, phases,
+                        jnp.asarray(duty.num_cycles), cold, np.ones(other.size))[1]  # fmt: skip
         return np.asarray(top)
 
     losses = f"other losses {np.median(other):.0f} W under load"
     if duty.num_cycles == 1 or any(phase.other_W == 0.0 for phase in duty.phases):
         losses += ", none at rest"
-    losses = f"other losses {duty.words}" if duty.words else losses
-    current = current_at_limit(duty, highest, limit.degC, LARGEST * seen.current_A, picked.size)
+    losses = f"other losses {duty.losses}" if duty.losses else losses
+    current = current_at_limit(duty, highest, limit.degC, LARGEST * seen.current_A, other.size)
     entry = figure(
         current,
         "A",
-        f"{duty.name}, {limit}, {losses}, sink {seen.sink_degC:.0f} °C{rated.surroundings}",
+        f"{duty.words}, {limit}, {losses}, sink {seen.sink_degC:.0f} °C{rated.surroundings}",
     )
     if not math.isfinite(entry.median):
         return refused(f"{rounded(LARGEST * seen.current_A)} A does not reach {limit.degC:.0f} °C")
     if entry.median == 0.0:
         return refused(f"the other losses alone lead to {limit.degC:.0f} °C")
-    return extrapolated(entry, seen.short_of(degC=limit.degC, amperes=entry.median))
+    largest = entry.median * max(phase.current for phase in duty.phases)
+    return extrapolated(entry, seen.short_of(degC=limit.degC, amperes=largest))
 
 
 SHORT_CYCLE = 0.5
@@ -336,22 +248,24 @@ class Phases(NamedTuple):
     watts: Float[Array, " phase"]
 
 
-def _held(duty: Duty, loaded: Drive, longest: float) -> Phases:
+def held(phases: Sequence[Phase], loaded: Drive, longest_s: float) -> Phases:
     """Return the phases of a duty in steps of a length at most [s]."""
     rpm = 0.0 if loaded.speed_rad is None else float(loaded.speed_rad) / RAD_PER_S
     rows = []
-    for phase in duty.phases:
-        num = int(np.ceil(phase.seconds / longest))
+    for phase in phases:
+        num = int(np.ceil(phase.seconds / longest_s))
         speed = 1.0 if phase.rpm is None else abs(phase.rpm) / rpm if rpm else 0.0
         watts = 0.0 if phase.other_W is None else phase.other_W
         rows.append((phase.seconds / num, num, phase.current**2, speed,
                      float(phase.other_W is None), watts))  # fmt: skip
+    # of one shape, so that other duties need no other program
+    rows += [(1.0, 0, 0.0, 0.0, 0.0, 0.0)] * (-len(rows) % SAME_SHAPE)
     step, num, *rest = (jnp.asarray(each) for each in zip(*rows, strict=True))
     return Phases(step, num, *rest)
 
 
 @compiled("model")
-def _highest(
+def simulated(
     model: Model,
     values: dict[str, Float[Array, " draw"]],
     loaded: Drive,
@@ -359,35 +273,49 @@ def _highest(
     factor: Float[Array, " draw"],
     phases: Phases,
     num_cycles: Array,
-) -> Float[Array, " draw"]:
-    """Return the highest copper temperature in the last cycle of each draw [degC]."""
+    start: dict[str, Float[Array, " draw"]],
+    length: Float[Array, " draw"],
+) -> tuple[dict[str, Float[Array, " draw"]], Float[Array, " draw"]]:
+    """Return the temperatures of each draw at the end of a duty [degC], and the highest one of the
+    copper in its last cycle.
 
-    def one(values, other, factor):
+    Args:
+        model: Network with effects.
+        values: Parameters by name [their units].
+        loaded: The loaded part of the tests.
+        other: Other losses [W].
+        factor: Squared current of load 1 over that of the tests [1].
+        phases: From `held`.
+        num_cycles: How often they are repeated.
+        start: Temperature of each node [degC]; an effect that adds one knows its own.
+        length: Length of the phases over that which is stated [1].
+    """
+
+    def one(values, other, factor, start, length):
         network, effects = model.network(values), model.built_effects(values)
         losses = fixed_losses(model.losses(values))
         copper = network.copper_node
 
-        def held(start, at: Phases):
+        def phase(start, at: Phases):
             drive = loaded.scale_current(factor * at.squared)
             if loaded.speed is not None and loaded.speed_rad is not None:
                 speed, speed_rad = at.speed * loaded.speed, at.speed * loaded.speed_rad
                 drive = replace(drive, speed=speed, speed_rad=speed_rad)
             drive = replace(drive, losses=at.share * other + at.watts)
-            found = hold(network, losses, drive, start, step=at.step, num_steps=at.num,
+            found = hold(network, losses, drive, start, step=length * at.step, num_steps=at.num,
                          effects=effects)  # fmt: skip
             return found.last, found.highest[copper]
 
         def cycle(_, state):
-            last, highest = jax.lax.scan(held, state[0], phases)
+            last, highest = jax.lax.scan(phase, state[0], phases)
             return last, jnp.max(highest)
 
-        sink = dict.fromkeys(network.nodes, loaded.ambient)
         zero = jnp.zeros(())
-        cold = hold(network, losses, replace(loaded, losses=other), sink, step=zero, num_steps=0,
-                    effects=effects).last  # fmt: skip
-        return jax.lax.fori_loop(0, num_cycles, cycle, (cold, loaded.ambient))[1]
+        first = hold(network, losses, replace(loaded, losses=other), start, step=zero, num_steps=0,
+                     effects=effects).last  # fmt: skip
+        return jax.lax.fori_loop(0, num_cycles, cycle, (first, loaded.ambient))
 
-    return jax.vmap(one)(values, other, factor)
+    return jax.vmap(one)(values, other, factor, start, length)
 
 
 NO_CLASS = "no insulation class: give [motor] insulation_class in the motor file"

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from ..checks.quick_fit import Solved, closer, solved_decays, weighed
 from ..readers.clock_offset import correlation
-from ..record.motor import Motor
+from ..record.motor import EQUILIBRIA, Criterion, Motor
 from ..record.record import Record
 from ..record.rounding import rounding_step
 from ..record.samples import block_means, has, runs, samples, sink_channel
@@ -255,9 +255,6 @@ MOST = 3.0
 """An interval is at most this part of the stretch [1]: the rest belongs to the answer to the load
 step. Stretches below 45 min have intervals of this part alone."""
 
-LARGEST_GRADIENT_K_PER_H = 2.0
-"""As in the definition of thermal equilibrium of IEC 60034-1:2010 [K/h]; other editions differ."""
-
 MIN_BLOCKS = 10
 """Means in an interval below which its gradient is not told [1]."""
 
@@ -273,17 +270,32 @@ LOOK_EVERY_S = 300.0
 COVER = 2.0
 """Standard errors on each side of a gradient that must agree with the statement [1]: about 95 %."""
 
-CRITERION = (
+_HELD = (
     "Judged at the end of each stretch of constant load of half an hour or more; a change of the "
     "load by 5 % of its largest magnitude ends a stretch, and a load that is not known or never "
     "held makes the record one. Reached where the rise of a part over the sink surely changes by "
-    "at most 2 K per hour in two successive intervals of half an hour, 20 or 15 minutes (at most a "
-    "third of the stretch); not reached where it surely changes faster in one of the shortest; "
-    "else undecided. Surely is by two standard errors of a line through means of a minute. The 2 K "
+)
+_SURELY = " Surely is by two standard errors of a line through means of a minute. "
+TWO_INTERVALS = (
+    f"{_HELD}at most 2 K per hour in two successive intervals of half an hour, 20 or 15 minutes "
+    "(at most a third of the stretch); not reached where it surely changes faster in one of the "
+    f"shortest; else undecided.{_SURELY}The 2 K "
     "per hour follow the definition of thermal equilibrium in IEC 60034-1:2010, the rest is ours; "
     "other editions and standards ask for other figures: check the one that binds the test."
 )
-"""The criterion, in words of the report."""
+
+
+def criterion_words(name: str) -> str:
+    """Return a criterion of `EQUILIBRIA` in words of the report."""
+    of = EQUILIBRIA[name]
+    if of.num_intervals > 1:
+        return TWO_INTERVALS
+    return (
+        f"{_HELD}at most {of.change_K:g} K in its last {of.over_s / 60.0:.0f} min; not reached "
+        f"where it surely changes by more; else undecided.{_SURELY}The criterion is that of {name} "
+        f"({of.source}); check the edition that binds the test."
+    )
+
 
 EXTRAPOLATION = (
     "Where a stretch ends before equilibrium, the rise after its first ten minutes is continued by "
@@ -343,11 +355,12 @@ def equilibria(record: Record, motor: Motor, channel: str) -> tuple[Equilibrium,
         return (Equilibrium(channel, None, reason=f"no sample with both {channel} and {sink}"),)
     loads = load_channels(record)
     held = stretches(record, SHORTEST_S) if loads else ()
+    by = EQUILIBRIA[motor.equilibrium]
     if held:
-        return tuple(_judged(time_s, part, cold, channel, stretch, "") for stretch in held)
+        return tuple(_judged(time_s, part, cold, channel, stretch, "", by) for stretch in held)
     unknown = "the load is not held" if loads else "no channel tells whether the load was held"
     whole = Stretch(float(time_s[0]), float(time_s[-1]))
-    return (_judged(time_s, part, cold, channel, whole, unknown),)
+    return (_judged(time_s, part, cold, channel, whole, unknown, by),)
 
 
 def equilibrium(record: Record, motor: Motor, channel: str) -> Equilibrium:
@@ -362,6 +375,7 @@ def _judged(
     channel: str,
     stretch: Stretch,
     unknown: str,
+    by: Criterion,
 ) -> Equilibrium:
     """The verdict on one stretch; `unknown` says why its course cannot be continued."""
     inside = (time_s >= stretch.from_s) & (time_s <= stretch.to_s)
@@ -375,25 +389,29 @@ def _judged(
         """Those that show equilibrium, else those of the shortest intervals."""
         longest_s = (end_s - stretch.from_s) / MOST
         lengths_s = [s for s in INTERVALS_S if s <= longest_s] or [longest_s]
-        found = [_slopes(time_s, part, cold, step_K, end_s, s) for s in lengths_s]
-        return next((slopes for slopes in found if _state(slopes) is True), found[-1])
+        if by.num_intervals == 1:
+            lengths_s = [by.over_s]
+        found = [_slopes(time_s, part, cold, step_K, end_s, s, by) for s in lengths_s]
+        return next((slopes for slopes in found if _state(slopes, by) is True), found[-1])
 
     ends_s = np.arange(stretch.from_s + SHORTEST_S, stretch.to_s, LOOK_EVERY_S)
-    first_s = next((float(end_s) for end_s in ends_s if _state(slopes_at(end_s)) is True), None)
+    first_s = next((float(end_s) for end_s in ends_s if _state(slopes_at(end_s), by) is True), None)
     slopes = slopes_at(stretch.to_s)
     late = time_s >= stretch.to_s - min(INTERVALS_S[0], stretch.length_s / MOST)
     sink_degC = float(np.mean(cold[late])) if late.any() else float("nan")
-    if len(slopes) < 2:
+    if len(slopes) < by.num_intervals:
         reason = "a gap lies in the last intervals, or they have too few samples"
         return Equilibrium(channel, None, reason=reason, first_reached_s=first_s, stretch=stretch,
                            sink_degC=sink_degC)  # fmt: skip
-    state = _state(slopes)
+    state = _state(slopes, by)
     return Equilibrium(
         channel=channel,
         is_reached=state,
         gradients_K_per_h=tuple(gradient for gradient, _ in slopes),
         errors_K_per_h=tuple(error for _, error in slopes),
-        reason="2 K/h lie within two standard errors of a gradient" if state is None else "",
+        reason=f"{by.K_per_h:g} K/h lie within two standard errors of a gradient"
+        if state is None
+        else "",
         first_reached_s=stretch.to_s if state is True and first_s is None else first_s,
         stretch=stretch,
         steady=None if state is True else unknown or steady_rise(time_s, part - cold),
@@ -402,10 +420,10 @@ def _judged(
     )
 
 
-def _state(slopes: list[tuple[float, float]]) -> bool | None:
-    """Whether both intervals are surely within the limit; None where that is undecided."""
-    limit = LARGEST_GRADIENT_K_PER_H
-    if len(slopes) == 2 and all(abs(g) + COVER * e <= limit for g, e in slopes):
+def _state(slopes: list[tuple[float, float]], by: Criterion) -> bool | None:
+    """Whether all intervals are surely within the limit; None where that is undecided."""
+    limit = by.K_per_h
+    if len(slopes) == by.num_intervals and all(abs(g) + COVER * e <= limit for g, e in slopes):
         return True
     if any(abs(g) - COVER * e > limit for g, e in slopes):
         return False
@@ -419,14 +437,15 @@ def _slopes(
     rounding_K: float,
     end_s: float,
     interval_s: float,
+    by: Criterion,
 ) -> list[tuple[float, float]]:
-    """Gradient and standard error [K/h] of the two intervals before a moment, without gaps.
+    """Gradient and standard error [K/h] of the intervals before a moment, without gaps.
 
     A reading that stands still on a coarse step may be off by a uniform error at either end of the
     interval, 1/12 of the step squared each; where noise carries it to and fro, means know better.
     """
     slopes = []
-    for number in (2, 1):
+    for number in range(by.num_intervals, 0, -1):
         last_s = end_s - (number - 1) * interval_s
         inside = (time_s > last_s - interval_s) & (time_s <= last_s)
         middle_s, means = block_means(time_s[inside], BLOCK_S, (part - cold)[inside])

@@ -441,18 +441,19 @@ def refused(reason: str) -> DerivedFigure:
     return DerivedFigure(refused=reason)
 
 
-def extrapolated(entry: DerivedFigure, short: str) -> DerivedFigure:
+def extrapolated(entry: DerivedFigure, short: str, slack: float = 0.0) -> DerivedFigure:
     """Return a figure that says that it lies beyond the tested range, refused where its interval
     says nothing.
 
     Args:
         entry: The figure.
         short: From `Tested.short_of`.
+        slack: What the upper end may lie above `WIDEST` times the lower one, which may then be 0.
     """
     if not short or known(entry.refused):
         return entry
     low, high = entry.ends
-    if not 0.0 < low <= high <= WIDEST * low:
+    if not (low > 0.0 or slack > 0.0) or not low <= high <= WIDEST * low + slack:
         return refused(f"the tests do not tell, {short}")
     word = "" if ", extrapolated, " in str(entry.condition) else "extrapolated, "
     return replace(entry, condition=f"{entry.condition}, {word}{short}")

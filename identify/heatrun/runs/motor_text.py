@@ -10,8 +10,8 @@ from typing import Any
 
 from ..record.motor import Adequacy, Motor, PartsOfTest, ShutDown
 
-MOTOR = ("name", "phases", "losses", "sink", "insulation_class", "rated_speed_rpm",
-         "rated_current_A", "mass_kg", "raster_s", "decimal")  # fmt: skip
+MOTOR = ("name", "phases", "losses", "sink", "insulation_class", "equilibrium",
+         "rated_speed_rpm", "rated_current_A", "mass_kg", "raster_s", "decimal")  # fmt: skip
 WINDING = ("resistance_coefficient_degC", "phase_resistance_ohm", "reference_temperature_degC",
            "measured_resistance_ohm", "lead_resistance_ohm", "conductor_mass_kg")  # fmt: skip
 VEHICLE = ("gear_ratio", "wheel_radius_m")

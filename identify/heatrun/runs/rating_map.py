@@ -32,11 +32,11 @@ from .duties import (
     continuous,
     duty_current,
     limits_of,
-    parse_duty,
 )
 from .machine import RAD_PER_S, SAME_LOAD, Machine, Tested, extrapolated, machines
 from .ratings_figures import rates
 from .run import Run
+from .stated_duty import parse_duty
 
 SHORT = ("S2-60", "S2-30", "S2-10")
 """Time-limited duties, from cold."""

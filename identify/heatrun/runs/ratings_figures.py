@@ -33,16 +33,16 @@ from ..results.model import AT_REST, LOADED, DerivedFigure
 from .budget import Budget
 from .draw_values import DrawValues, alone, with_effects
 from .duties import (
-    PATTERN,
     Rated,
     at_limit,
     current_by_rms,
     duty_current,
     limits_of,
-    parse_duty,
     within_rise,
 )
 from .machine import Tested, UnderLoad, figure, machines, steady_rise, tested, under_load
+from .stated_duty import Stated, parse_rating
+from .until_limit import until_limit
 
 
 class Rates(NamedTuple):
@@ -238,7 +238,7 @@ def derive(
 
     Args:
         posterior: Draws, of any network with any effects.
-        duties: Ratings asked for, such as `"S2-30"` and `"S3-40"`, as `parse_duty`.
+        duties: Ratings asked for, such as `"S2-30"` and `"time:150A:hot"`, as `parse_rating`.
         budget: From `budget_of`, of the resistances at stated conditions; None for none.
 
     Raises:
@@ -285,15 +285,19 @@ def derive(
     if draw_values is not base:  # the body of an effect may be faster
         times = time_constants(rates(draw_values.model, draw_values.values, seen.loaded, winding).A)
     # as the map of ratings and the margin of page 1: the permitted rise where the class has one
-    machine = Rated(draw_values, drawn, times, seen, rise or limit, surroundings)
+    machine = Rated(draw_values, drawn, times, seen, rise or limit, surroundings,
+                    rated or seen.amperes)  # fmt: skip
     for text in duties:
         if text == "S1":
             by = "continuous_current_A" if rise is None else "continuous_current_by_rise_A"
             figures["S1_current_A"] = figures[by]
             continue
-        duty = parse_duty(text, float(np.median(times[:, -1])))
+        duty = parse_rating(text, float(np.median(times[:, -1])), rated)
+        if isinstance(duty, Stated):
+            figures |= until_limit(machine, duty)
+            continue
         figures[f"{duty.name}_current_A"] = exact = duty_current(machine, duty)
-        if PATTERN.match(text) is None:
+        if text.lower().endswith(".csv"):
             by_rms = current_by_rms(machine, duty, exact, fast_s)
             figures |= {} if by_rms is None else {f"{duty.name}_rms_current_A": by_rms}
     return figures

@@ -47,13 +47,14 @@ from ..results.model import (
     TestedLoad,
     WindingAtEnd,
 )
-from ..results.values import Interval, Role
+from ..results.values import Interval, Role, known
 from ..version import __version__
 from .budget import UNDECIDED, Budget, budget_of
-from .equilibrium import SteadyRise, equilibria
+from .equilibrium import SteadyRise, Stretch, equilibria
 from .machine import tested
 from .ratings_figures import derive
 from .replica import replica
+from .steady_of_network import steady_of_network
 
 T = TypeVar("T")
 
@@ -131,7 +132,20 @@ def _at_end(record: Record, motor: Motor) -> WindingAtEnd | UnsetType:
         to_s=last.stretch.to_s,
         continued_K=None if more is None else more.rise_K,
         continued_95_K=None if more is None else more.rise_95_K,
+        criterion=motor.equilibrium,
     )
+
+
+def with_network_rise(test: DescribedTest, prediction: Prediction) -> DescribedTest:
+    """Return a test that ended before equilibrium with where the network comes to rest."""
+    at = known(test.equilibrium)
+    if at is None or at.is_reached is True:
+        return test
+    rest = steady_of_network(prediction, Stretch(at.from_s, at.to_s))
+    if rest is None:
+        return test
+    middle, low, high = rest.rise_K
+    return replace(test, equilibrium=replace(at, network_K=middle, network_95_K=(low, high)))
 
 
 def describe_effect(kind: type[AbstractEffect]) -> EffectInModel:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from heatrun.posterior.predict import Prediction
-from heatrun.runs.equilibrium import Stretch
-from heatrun.runs.machine import fixed_losses, other_losses
 from lptn import Drive, steady_state
+
+from ..io.programs import compiled
+from ..model.model import Model
+from ..posterior.predict import Prediction
+from .equilibrium import Stretch
+from .machine import fixed_losses, other_losses
 
 NUM_DRAWS = 200
 """Draws behind the limits: they are good to an eighth of a standard deviation."""
@@ -25,12 +28,14 @@ class SteadyNetwork:
     Attributes:
         median_degC: Temperature by node [degC].
         limits_degC: Its 95 % limits by node [degC].
+        rise_K: Rise of the measured node over the sink [K], median and 95 % limits.
         from_s: First moment of the load that it is told for [s].
         to_s: Last one [s].
     """
 
     median_degC: Mapping[str, float]
     limits_degC: Mapping[str, tuple[float, float]]
+    rise_K: tuple[float, float, float]
     from_s: float
     to_s: float
 
@@ -55,25 +60,32 @@ def steady_of_network(found: Prediction, stretch: Stretch) -> SteadyNetwork | No
     held = jax.tree.map(lambda values: jnp.mean(jnp.asarray(values)[late]), drive)
     winding = jnp.asarray(float(np.mean(found.test.measured[read])))
     values = {n: jnp.asarray(draws[:NUM_DRAWS]) for n, draws in found.values.items()}
-    model = found.model
-
-    def rest(one: dict[str, jax.Array]) -> dict[str, jax.Array]:
-        network, losses, effects = model.network(one), model.losses(one), model.built_effects(one)
-        other = other_losses(network, losses, held, winding, effects)
-        load = Drive(**{**_fields(held), "losses": other})
-        return steady_state(network, fixed_losses(losses), load, effects=effects)
-
-    nodes = {n: np.asarray(v) for n, v in jax.jit(jax.vmap(rest))(values).items()}
-    if not all(np.isfinite(draws).all() for draws in nodes.values()):
+    draws = _rest(found.model, values, held, winding)
+    nodes = {node: np.asarray(each) for node, each in draws.items()}
+    if not all(np.isfinite(each).all() for each in nodes.values()):
         return None
-    limits = {n: np.quantile(draws, (0.025, 0.975)) for n, draws in nodes.items()}
+    shares = (0.5, 0.025, 0.975)
+    middle, low, high = np.quantile(nodes[found.model.form.copper] - float(held.ambient), shares)
+    limits = {n: np.quantile(draws, shares[1:]) for n, draws in nodes.items()}
     return SteadyNetwork(
         {n: float(np.median(draws)) for n, draws in nodes.items()},
         {n: (float(low), float(high)) for n, (low, high) in limits.items()},
+        (float(middle), float(low), float(high)),
         from_s,
         stretch.to_s,
     )
 
 
-def _fields(drive: Drive) -> dict[str, jax.Array | None]:
-    return {name: getattr(drive, name) for name in drive.__dataclass_fields__}
+@compiled("model", is_seldom=True)
+def _rest(
+    model: Model, values: dict[str, jax.Array], held: Drive, winding: jax.Array
+) -> dict[str, jax.Array]:
+    """Return the steady state of each draw [degC]."""
+
+    def rest(one: dict[str, jax.Array]) -> dict[str, jax.Array]:
+        network, losses, effects = model.network(one), model.losses(one), model.built_effects(one)
+        other = other_losses(network, losses, held, winding, effects)
+        load = replace(held, losses=other)
+        return steady_state(network, fixed_losses(losses), load, effects=effects)
+
+    return jax.vmap(rest)(values)
