@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import re
 import shutil
 import subprocess
@@ -23,6 +24,7 @@ from heatrun.export.missed import Missed, of_losses
 from heatrun.export.network_course import read_network
 from heatrun.export.parameters import entries
 from heatrun.export.rerun import of_no_test, read_run_test
+from heatrun.export.sources import with_outputs
 from heatrun.export.variables import Corrections
 from heatrun.model.catalogue import effects_named
 from heatrun.model.model import Model
@@ -329,6 +331,116 @@ def run_observer(program, start, sd, rows):
     assert done.returncode == 0
     found = np.frombuffer(done.stdout).reshape(len(rows), -1)
     return found[:, 0:-2:2], found[:, 1:-2:2], found[:, -2], found[:, -1]
+
+
+@pytest.fixture(scope="module")
+def observer_vectors(half_hour, machine, tmp_path_factory):
+    """A source with errors that stay, a folder with its files, and the courses of its vectors."""
+    made = replace(source(half_hour, machine), missed=replace(
+        MISSED, sensor_K=0.4, sink_K=0.5, share=0.01, losses=0.02, answer=0.05))  # fmt: skip
+    folder = tmp_path_factory.mktemp("observer_vectors")
+    courses = made.observer_courses("duty")
+    text, notes = with_outputs({**made.texts(), "observer_vectors.csv": courses})
+    assert not notes
+    (folder / "observer_vectors.csv").write_bytes(text)
+    (folder / "vectors.csv").write_bytes(vectors_text(made))
+    rows = np.genfromtxt(io.BytesIO(text), delimiter=",", names=True, skip_header=1)
+    return made, folder, np.split(rows, np.flatnonzero(rows["time_s"] == 0.0)[1:])
+
+
+@needs_compiler
+def test_the_vectors_of_the_observer_hold_what_a_port_must_show(observer_vectors):
+    _, _, (sound, lost, stuck, wrong) = observer_vectors
+    assert len(sound) == len(lost) == len(stuck) == len(wrong) == 1801
+    assert not any(np.any(each["status"]) for each in (sound, lost, stuck, wrong))
+    assert not np.any(sound["sensor"])
+    assert not np.any(wrong["sensor"])
+    assert np.all(lost["sensor"][601:660] == 6)
+    assert np.all(lost["sensor"][660:1201] == 1)
+    assert not np.any(lost["sensor"][1201:])
+    assert np.all(stuck["sensor"][700:1200] == 2)
+    assert stuck["sensor"][-1] == 0
+    for node in ("winding", "stator"):
+        T, sd = wrong[f"{node}_degC"], wrong[f"{node}_sd_K"]
+        assert sound[f"{node}_degC"][0] - T[0] == pytest.approx(30.0)
+        assert np.all(np.abs(T - sound[f"{node}_degC"])[900:] < 2.0 * sd[900:])
+        assert lost[f"{node}_sd_K"][1200] > 1.1 * sound[f"{node}_sd_K"][1200]
+    asked = sound[sound["permitted_A"] >= 0.0]
+    assert len(asked) == 30
+    assert np.ptp(asked["time_to_limit_s"]) > 100.0
+
+
+@needs_compiler
+def test_vectors_of_a_sound_sensor_are_the_kalman_filter_of_a_textbook(observer_vectors):
+    """Exact steps by the exponential of the matrix; errors that stay are not estimated."""
+    made, _, (sound, *_) = observer_vectors
+    v, constants = VALUES, made._observer()
+    C, k = np.array([v["Ceq_w"], v["Ceq_sr"]]), 3 * v["Rs0"] / (234.5 + made.found["Tref"])
+    heat, slow = float(constants["heat_sd"]), float(constants["slow_sd"])
+    decays = [float(constants["heat_decay"])] * 2 + [float(constants["slow_decay"])]
+    sds = np.array([5.0, 5.0, heat, heat, slow, 0.4, 0.5, 0.01, 0.02])
+    P = np.diag(sds**2)
+    Q = np.diag([0.0, 0.0, *(sds[2:5] ** 2 * (1.0 - np.square(decays))), *np.zeros(4)])
+    H = np.array([1.0, 0, 0, 0, 1, 1, 0, 0, 0])
+    x = np.array([sound["winding_degC"][0], sound["stator_degC"][0], 0.0, 0.0, 0.0])
+    for step, row in enumerate(sound[1:]):
+        copper = k * row["current_A"] ** 2
+        A = np.zeros((10, 10))  # T, heat, slow, sensor, sink, share, losses, 1
+        A[0, :3] = copper - 1 / v["Req_w"], 1 / v["Req_w"], 1.0
+        A[1, :2] = 1 / v["Req_w"] - copper, -1 / v["Req_w"] - 1 / v["Req_sr"]
+        A[1, [3, 6, 8]] = 1.0, 1 / v["Req_sr"], row["losses_W"]
+        A[:2, 9] = copper * 234.5, (row["losses_W"] - copper * 234.5
+                                    + row["sink_degC"] / v["Req_sr"])  # fmt: skip
+        A[:2] /= C[:, None]
+        T = (expm(A) @ [*x[:4], 0, 0, 0, 0, 0, 1.0])[:2]
+        own = copper * (234.5 + T[0])
+        A[:2, 7] = (np.array([own, row["losses_W"] - own]) + x[2:4]) / C
+        F = expm(A)[:9, :9]
+        F[[2, 3, 4], [2, 3, 4]] = decays
+        x, P = np.array([*T, *(x[2:] * decays)]), F @ P @ F.T + Q
+        if step > 0:  # the first reading is looked at alone
+            seen = H @ P
+            S = seen @ H + float(constants["reading_sd"]) ** 2
+            x = x + seen[:5] / S * (row["reading_degC"] - x[0] - x[4])
+            stays = P[5:, 5:]
+            P = P - np.outer(seen, seen) / S
+            P[5:, 5:] = stays
+        found = [row["winding_degC"], row["winding_sd_K"], row["stator_degC"], row["stator_sd_K"]]
+        sd = np.sqrt(np.diag(P))
+        np.testing.assert_allclose(found, [x[0], sd[0], x[1], sd[1]], rtol=0.0, atol=2e-6)
+
+
+@needs_compiler
+@pytest.mark.parametrize("words", [(), ("-DHEATRUN_REAL=float",)], ids=["double", "float"])
+def test_the_harness_replays_both_and_names_the_line_that_differs_first(observer_vectors, words):
+    made, folder, _ = observer_vectors
+    command = [build(folder, made, *words), "vectors.csv", "observer_vectors.csv"]
+    status, said = checked(folder, *command)
+    assert (status, said.count("largest difference")) == (0, 2), said
+    lines = (folder / "observer_vectors.csv").read_text().splitlines()
+    heading = lines[1].split(",")
+    for at, column in ((2345, "stator_sd_K"), (4000, "sensor"), (120 + 3, "permitted_A")):
+        wrong = lines.copy()
+        for line in (at, at + 60):
+            row = wrong[line - 1].split(",")
+            row[heading.index(column)] = repr(float(row[heading.index(column)]) + 2.0)
+            wrong[line - 1] = ",".join(row)
+        (folder / "wrong.csv").write_text("\n".join(wrong) + "\n")
+        status, said = checked(folder, *command, "wrong.csv")
+        assert status == 1
+        assert said.count("expected") == 1
+        assert f"wrong.csv, line {at}: {column} is " in said
+
+
+def test_without_a_compiler_the_vectors_hold_the_courses_and_a_note(
+    half_hour, machine, monkeypatch
+):
+    made = source(half_hour, machine)
+    courses = made.observer_courses("duty")
+    monkeypatch.setenv("PATH", "")
+    text, notes = with_outputs({**made.texts(), "observer_vectors.csv": courses})
+    assert text == courses
+    assert "no C compiler is here" in notes[0]
 
 
 def hidden_machine(seed, num=3600, eA=0.0):
@@ -762,7 +874,7 @@ def test_the_command_writes_what_compiles_and_replays(day, capsys):
     assert "C99 of second order, with an observer: nodes winding, stator; steps of 0.5 s" in printed
     command = [str(COMPILER), *STRICT, "main.c", "thermal_network.c", "-o", "replay"]
     subprocess.run(command, cwd="drive", check=True)
-    subprocess.run(["drive/replay", "drive/vectors.csv"], check=True)
+    subprocess.run(["drive/replay", "drive/vectors.csv", "drive/observer_vectors.csv"], check=True)
     header = Path("drive/thermal_network.h").read_text()
     assert f"SHA-256:  {hashlib.sha256(Path('run/fit.json').read_bytes()).hexdigest()}" in header
     text = Path("drive/thermal_network.c").read_text()

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -12,11 +16,15 @@ from ..io.whole_files import numbered
 from ..model.parameters import qualified
 from ..runs.run import Run, open_run
 from .c_file import (
+    HARNESS,
     LAWS,
     MOST_BYTES,
+    OBSERVER_VECTORS,
+    SOURCE,
     STEP_S,
     VECTORS,
     CSource,
+    in_comment,
     lacking_laws,
     refuse_lawless,
 )
@@ -85,7 +93,7 @@ def export_source(
     """
     read = read_source(run, test, network, is_replica, step)
     source, parameters, found = read.source, read.parameters, read.found
-    notes, further = [*found.notes, *read.notes], {}
+    notes, further, vectors = [*found.notes, *read.notes], {}, source.vectors(found.record.name)
     if to == "fmu":
         files = fmu_files(source, parameters)
         binaries, why_none = compiled(files)
@@ -97,10 +105,14 @@ def export_source(
         said = [(e.name, e.member if e.index is None else f"{e.member}[{e.index}]", e.interval_95)
                 for e in parameters if e.interval_95]  # fmt: skip
         content, further = source.texts(said), {"has_observer": source.has_observer}
-        if not source.has_observer:
+        if source.has_observer:
+            courses = {OBSERVER_VECTORS: source.observer_courses(found.record.name)}
+            observed, why_none = with_outputs({**content, **courses})
+            content, notes = {**content, OBSERVER_VECTORS: observed}, [*notes, *why_none]
+        else:
             notes.append(f"There is no observer: its state would have {source.state_bytes} bytes "
                          f"with {source.num_states} states (limit {MOST_BYTES}).")  # fmt: skip
-    content[VECTORS] = source.vectors(found.record.name)
+    content[VECTORS] = vectors
     places = [folder] if folder else numbered(run / to)
     written = write_export(places, content, found.inputs, is_replacing=is_replacing)
     return {
@@ -122,6 +134,42 @@ def export_source(
         "notes": notes,
         "findings": [],
     }
+
+
+def with_outputs(files: Mapping[str, bytes]) -> tuple[bytes, list[str]]:
+    """Return the observer's vectors with what the C makes of them in double, or why it made none.
+
+    Args:
+        files: Header, source, harness and courses by name.
+    """
+    compiler = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
+    said = "no C compiler is here"
+    with tempfile.TemporaryDirectory() as folder:
+        for name, content in files.items():
+            Path(folder, name).write_bytes(content)
+        program = str(Path(folder, "replay"))
+        build = [
+            compiler or "",
+            "-std=c99",
+            "-O2",
+            "-ffp-contract=off",
+            "-o",
+            program,
+            HARNESS,
+            SOURCE,
+        ]
+        for words in (build, [program, "--write", OBSERVER_VECTORS]) if compiler else ():
+            done = subprocess.run(words, cwd=folder, capture_output=True, check=False)
+            if done.returncode:
+                said = f"{Path(words[0]).name} failed: {done.stderr.decode(errors='replace')[:200]}"
+                break
+        else:
+            if compiler:
+                return done.stdout, []
+    return files[OBSERVER_VECTORS], [
+        f"{OBSERVER_VECTORS} has inputs and readings alone ({in_comment(said)}): on a desktop, "
+        f"./replay --write {OBSERVER_VECTORS} writes the outputs of the C in double."
+    ]
 
 
 def read_source(
