@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from scipy.stats import norm
 from simulators import fmu_error, has_modelica, modelica_error, vectors_text
 
 from heatrun import cli
@@ -53,6 +54,7 @@ VALUES = {
     "Ceq": 12500.0, "Req": 0.132, "Tw_start": 60.4, "Tsr_start": 55.8,
     "speed_cooling.g": 0.9, "speed_cooling.m": 0.73, "radiation.eA": 0.1,
 }  # fmt: skip
+LEAD_OHM = 0.0004
 TWO_SINKS = b"""
 [network]
 name = "sinks"
@@ -100,7 +102,8 @@ def source(half_hour, machine, network="second", effects=(), said=SAID, step=1.0
         half_hour, {**centres, **VALUES, **values}, machine, model,
         rated_speed=300.0, rated_current=100.0,
     )  # fmt: skip
-    return CSource.of(read_network(mat_bytes(variables)), MISSED, said, step)
+    cold = (VALUES["Rs0"], LEAD_OHM)
+    return CSource.of(read_network(mat_bytes(variables)), MISSED, said, step, cold)
 
 
 BUILT = {}
@@ -120,10 +123,11 @@ def build(folder, made, *words, harness="main.c"):
 
 def compiled(folder, *words, harness):
     """Compile what lies in a folder; return the program."""
-    command = [str(COMPILER), *STRICT, *words, "-o", "replay", harness, "thermal_network.c"]
+    name = f"replay_{len(BUILT)}"  # the others stay
+    command = [str(COMPILER), *STRICT, *words, "-o", name, harness, "thermal_network.c"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    return folder / "replay"
+    return folder / name
 
 
 def replay(folder, made, *words):
@@ -635,6 +639,85 @@ def test_a_drift_is_told_by_the_mean_of_what_remains(tmp_path, steady, machine):
     assert 5 in sensor
 
 
+WINDING = """#include <stdio.h>
+#include "thermal_network.h"
+int main(void)
+{
+    const heatrun_winding none = {0};
+    double ohm;
+    while (scanf("%lf", &ohm) == 1) {
+        printf("%.9g ", (double)heatrun_winding_degC(&heatrun_cold_winding, (heatrun_real)ohm));
+    }
+    printf("%.9g", (double)heatrun_winding_degC(&none, (heatrun_real)0.006));
+    return 0;
+}
+"""
+
+
+def by_resistance(T):
+    """Return what an ohmmeter shows of winding and leads [ohm], by the rule of IEC 60034-1."""
+    return VALUES["Rs0"] * (234.5 + T) / (234.5 + 25.0) + LEAD_OHM
+
+
+@needs_compiler
+@pytest.mark.parametrize("words", [(), ("-DHEATRUN_REAL=float",)], ids=["double", "float"])
+def test_the_winding_by_its_resistance(tmp_path, half_hour, machine, words):
+    (tmp_path / "winding.c").write_text(WINDING)
+    program = build(tmp_path, source(half_hour, machine), *words, harness="winding.c")
+    given = [by_resistance(25.0), by_resistance(100.0), by_resistance(-40.0), np.nan, np.inf,
+             -0.006, 0.0, LEAD_OHM, 0.02, 1e37]  # fmt: skip
+    said = subprocess.run([program], input=" ".join(map(repr, map(float, given))), text=True,
+                          capture_output=True, check=True).stdout  # fmt: skip
+    *found, unknown = map(float, said.split())
+    np.testing.assert_allclose(found[:3], [25.0, 100.0, -40.0], atol=2e-4 if words else 1e-9)
+    assert set(found[3:]) == {unknown} == {-1000.0}, "no reading"
+
+
+@needs_compiler
+def test_the_band_of_an_observer_by_resistance_holds(tmp_path, steady, machine):
+    """A resistance that is 0.2 % wrong for good, at noise of 0.1 %, each ten seconds."""
+    made, rng = source(steady, machine), np.random.default_rng(3)
+    header = made.texts()["thermal_network.h"].decode()
+    K_per_ohm = float(re.search(r"one of (\S+) K/ohm", header)[1])
+    assert K_per_ohm == pytest.approx((234.5 + 25.0) / VALUES["Rs0"])
+    ohm = by_resistance(410.0)  # as warm as this machine becomes
+    words = ["-DBY_RESISTANCE", "-DHEATRUN_SLOW_SD_K=0.0",
+             f"-DHEATRUN_READING_SD_K={0.001 * ohm * K_per_ohm:.3f}",
+             f"-DHEATRUN_SENSOR_SD_K={0.002 * ohm * K_per_ohm:.3f}"]  # fmt: skip
+    held, bare = [], []
+    for seed, error in enumerate(norm.ppf((np.arange(8) + 0.5) / 8)):
+        course, rows = hidden_machine(seed + 30, num=2700)
+        ohm = by_resistance(course[:, 0]) * (1.0 + 0.002 * error)
+        rows[:, 3] = ohm * (1.0 + 0.001 * rng.normal(size=len(rows)))
+        rows[np.arange(len(rows)) % 10 != 0, 3] = np.nan
+        rows[1500, 3] = -1.0  # the meter is off for a moment
+        for names, within in ((words, held), (words[:1], bare)):
+            T, sd, status, sensor = observed(tmp_path, made, 57.0, 5.0, rows, *names)
+            within.append(np.abs(T - course)[600:, 0] < 1.96 * sd[600:, 0])
+            if names is words:
+                assert not status.any()
+                assert set(sensor) <= {0, 6}
+                assert sd[600:, 0].max() < 2.0
+    assert np.mean(held) > 0.93
+    assert np.mean(bare) < np.mean(held) - 0.2
+
+
+@needs_compiler
+def test_readings_by_resistance_are_refused_by_name(tmp_path, half_hour, machine):
+    unknown = replace(source(half_hour, machine), cold=(0.0, 0.0))
+    assert "the run has no resistance" in unknown.not_by_resistance[0]
+    for name, text in unknown.texts().items():
+        (tmp_path / name).write_bytes(text)
+    status, said = checked(tmp_path, str(COMPILER), *STRICT, "-c", "thermal_network.c")
+    assert status == 0, said
+    assert "heatrun_winding_degC is left out" in (tmp_path / "thermal_network.h").read_text()
+    (tmp_path / "winding.c").write_text(WINDING)
+    assert checked(tmp_path, str(COMPILER), "-c", "winding.c")[0] != 0
+    assert not source(half_hour, machine).not_by_resistance
+    lagging = source(half_hour, machine, "second", ("sensor_lag",))
+    assert "expects another reading (sensor_lag)" in lagging.not_by_resistance[0]
+
+
 def through_a_lag(course, lag_s):
     """Return what a sensor shows that follows a course, each second, by steps of 10 ms."""
     fine = np.interp(np.arange(100 * (course.size - 1) + 1) / 100.0, range(course.size), course)
@@ -878,6 +961,8 @@ def test_the_command_writes_what_compiles_and_replays(day, capsys):
     header = Path("drive/thermal_network.h").read_text()
     assert f"SHA-256:  {hashlib.sha256(Path('run/fit.json').read_bytes()).hexdigest()}" in header
     text = Path("drive/thermal_network.c").read_text()
+    ohm = load_motor("motor.toml").phase_resistance_ohm
+    assert f"heatrun_cold_winding = {{R({ohm!r}), R(25.0), R(234.5), R(0.0)}}" in text
     interval = re.search(r"capacitance_J_per_K\[0\] +(\S+) to (\S+)  Ceq_w", text)
     low, high = map(float, interval.groups())
     stated = float(re.search(r"heatrun_identified = \{\n    \{R\((\S+)\)", text)[1])

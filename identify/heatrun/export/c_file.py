@@ -6,6 +6,7 @@ import io
 import itertools
 import math
 import re
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -142,6 +143,9 @@ class CSource:
         said: Words in the comment: run, sha256, machine, network, corrections.
         step: Length of a step [s].
         parts: Number of parts of a step.
+        cold: Resistance of the circuit whose resistance tells the winding's temperature, without
+            leads, at the reference temperature, and of its leads [ohm]; the first is 0 where the
+            machine has none.
     """
 
     of_run: Mapping[str, Any]
@@ -149,11 +153,12 @@ class CSource:
     said: Mapping[str, str]
     step: float
     parts: int
+    cold: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
     def of(
         cls, of_run: Mapping[str, Any], missed: Missed, said: Mapping[str, str],
-        step: float = STEP_S,
+        step: float = STEP_S, cold: tuple[float, float] = (0.0, 0.0),
     ) -> CSource:  # fmt: skip
         """Return the source of a network.
 
@@ -183,7 +188,7 @@ class CSource:
                 where=said["run"],
                 remedy=f"Pass --step {longest:.1g} or less.",
             )
-        return cls(of_run, missed, said, step, parts)
+        return cls(of_run, missed, said, step, parts, cold)
 
     @cached_property
     def found(self) -> Mapping[str, Any]:
@@ -238,6 +243,21 @@ class CSource:
     def is_apart(self) -> bool:
         """Whether what the sensor shows is not the temperature of a node."""
         return self.lag_s > 0.0 or int(np.count_nonzero(self.reading)) > 1
+
+    @property
+    def not_by_resistance(self) -> list[str]:
+        """Why readings by resistance are not for this observer, or at all, in a sentence each."""
+        if not self.cold[0]:
+            return ["heatrun_winding_degC is left out: the run has no resistance of the winding. "
+                    "State phase_resistance_ohm in [winding]."]  # fmt: skip
+        laws = [e["id"] for e in np.atleast_1d(self.found["effects"])
+                if e["id"] in ("sensor_lag", *OF_PLACE)]  # fmt: skip
+        node = self.found["sensor"]["node"]
+        where = [f"its sensor is at {node}"] if node != self.found["copper_node"] else []
+        if not laws + where:
+            return []
+        return ["heatrun_winding_degC is the mean of the winding at once, and the observer expects "
+                f"another reading ({', '.join(laws + where)}): do not pass it there."]  # fmt: skip
 
     @property
     def state_bytes(self) -> int:
@@ -413,9 +433,21 @@ class CSource:
                 for i, (name, node) in enumerate(zip(names, self.nodes, strict=True))
             ),
             "losses_words": self.losses_words,
+            "has_resistance": str(int(self.cold[0] > 0.0)),
+            "cold": ", ".join(f"R({x!r})" for x in self._cold),
+            "kelvin_per_ohm": f"{(self._cold[1] + self._cold[2]) / (self._cold[0] or 1.0):.6g}",
+            "not_by_resistance": "".join(
+                f" *\n * {in_comment(line)}\n"
+                for line in textwrap.wrap(" ".join(self.not_by_resistance), 94)
+            ),
             "sink": in_comment(found["sink"]),
             "second_sink": in_comment(found.get("second_sink", "none")),
         }
+
+    @property
+    def _cold(self) -> tuple[float, float, float, float]:
+        """Members of `heatrun_winding` [ohm, degC, degC, ohm]."""
+        return (self.cold[0], float(self.found["Tref"]), float(self.found["B"]), self.cold[1])
 
     def parameters(self) -> dict[str, np.ndarray]:
         """Return the members of `heatrun_parameters` [their units]: shape (node,), (link,), ()."""

@@ -109,6 +109,7 @@ def export_source(
             courses = {OBSERVER_VECTORS: source.observer_courses(found.record.name)}
             observed, why_none = with_outputs({**content, **courses})
             content, notes = {**content, OBSERVER_VECTORS: observed}, [*notes, *why_none]
+            notes += source.not_by_resistance
         else:
             notes.append(f"There is no observer: its state would have {source.state_bytes} bytes "
                          f"with {source.num_states} states (limit {MOST_BYTES}).")  # fmt: skip
@@ -143,29 +144,20 @@ def with_outputs(files: Mapping[str, bytes]) -> tuple[bytes, list[str]]:
         files: Header, source, harness and courses by name.
     """
     compiler = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
-    said = "no C compiler is here"
+    said, found = "no C compiler is here", b""
     with tempfile.TemporaryDirectory() as folder:
         for name, content in files.items():
             Path(folder, name).write_bytes(content)
         program = str(Path(folder, "replay"))
-        build = [
-            compiler or "",
-            "-std=c99",
-            "-O2",
-            "-ffp-contract=off",
-            "-o",
-            program,
-            HARNESS,
-            SOURCE,
-        ]
+        build = [str(compiler), "-std=c99", "-O2", "-o", program, HARNESS, SOURCE]
         for words in (build, [program, "--write", OBSERVER_VECTORS]) if compiler else ():
             done = subprocess.run(words, cwd=folder, capture_output=True, check=False)
+            found = b"" if done.returncode else done.stdout
             if done.returncode:
                 said = f"{Path(words[0]).name} failed: {done.stderr.decode(errors='replace')[:200]}"
                 break
-        else:
-            if compiler:
-                return done.stdout, []
+    if found:
+        return found, []
     return files[OBSERVER_VECTORS], [
         f"{OBSERVER_VECTORS} has inputs and readings alone ({in_comment(said)}): on a desktop, "
         f"./replay --write {OBSERVER_VECTORS} writes the outputs of the C in double."
@@ -194,7 +186,10 @@ def read_source(
         "network": f"{title} (replica)" if is_replica else title,
         "corrections": corrections.words(),
     }
-    source = CSource.of(read_network(mat_bytes(variables)), missed, said, step)
+    leads = found.motor.lead_resistance_ohm
+    measured, phase = found.motor.measured_resistance_ohm, found.motor.phase_resistance_ohm
+    cold = (phase or 0.0) if measured is None else measured - leads
+    source = CSource.of(read_network(mat_bytes(variables)), missed, said, step, (cold, leads))
     notes += (f"What drives it is meant as the run corrects it: {corrections.words()}.",)
     limits = [] if is_replica else ends(opened, network, found, source)
     return Sourced(source, entries(source, found.model, limits), found, notes)
