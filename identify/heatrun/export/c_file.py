@@ -434,8 +434,8 @@ class CSource:
             ),
             "losses_words": self.losses_words,
             "has_resistance": str(int(self.cold[0] > 0.0)),
-            "cold": ", ".join(f"R({x!r})" for x in self._cold),
-            "kelvin_per_ohm": f"{(self._cold[1] + self._cold[2]) / (self._cold[0] or 1.0):.6g}",
+            "cold": _reals(np.array([self.cold[0], found["Tref"], found["B"], self.cold[1]])),
+            "kelvin_per_ohm": f"{(found['Tref'] + found['B']) / (self.cold[0] or 1.0):.6g}",
             "not_by_resistance": "".join(
                 f" *\n * {in_comment(line)}\n"
                 for line in textwrap.wrap(" ".join(self.not_by_resistance), 94)
@@ -443,11 +443,6 @@ class CSource:
             "sink": in_comment(found["sink"]),
             "second_sink": in_comment(found.get("second_sink", "none")),
         }
-
-    @property
-    def _cold(self) -> tuple[float, float, float, float]:
-        """Members of `heatrun_winding` [ohm, degC, degC, ohm]."""
-        return (self.cold[0], float(self.found["Tref"]), float(self.found["B"]), self.cold[1])
 
     def parameters(self) -> dict[str, np.ndarray]:
         """Return the members of `heatrun_parameters` [their units]: shape (node,), (link,), ()."""

@@ -24,7 +24,6 @@ from .c_file import (
     STEP_S,
     VECTORS,
     CSource,
-    in_comment,
     lacking_laws,
     refuse_lawless,
 )
@@ -143,25 +142,21 @@ def with_outputs(files: Mapping[str, bytes]) -> tuple[bytes, list[str]]:
     Args:
         files: Header, source, harness and courses by name.
     """
-    compiler = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
-    said, found = "no C compiler is here", b""
+    compiler = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), "cc")
     with tempfile.TemporaryDirectory() as folder:
         for name, content in files.items():
             Path(folder, name).write_bytes(content)
         program = str(Path(folder, "replay"))
-        build = [str(compiler), "-std=c99", "-O2", "-o", program, HARNESS, SOURCE]
-        for words in (build, [program, "--write", OBSERVER_VECTORS]) if compiler else ():
-            done = subprocess.run(words, cwd=folder, capture_output=True, check=False)
-            found = b"" if done.returncode else done.stdout
-            if done.returncode:
-                said = f"{Path(words[0]).name} failed: {done.stderr.decode(errors='replace')[:200]}"
-                break
-    if found:
-        return found, []
-    return files[OBSERVER_VECTORS], [
-        f"{OBSERVER_VECTORS} has inputs and readings alone ({in_comment(said)}): on a desktop, "
-        f"./replay --write {OBSERVER_VECTORS} writes the outputs of the C in double."
-    ]
+        build = [compiler, "-std=c99", "-O2", "-o", program, HARNESS, SOURCE]
+        words = {"cwd": folder, "capture_output": True, "check": True}
+        try:
+            subprocess.run(build, **words)
+            return subprocess.run([program, "--write", OBSERVER_VECTORS], **words).stdout, []
+        except (OSError, subprocess.CalledProcessError):
+            return files[OBSERVER_VECTORS], [
+                f"{OBSERVER_VECTORS} has inputs and readings alone, for no C compiler built it "
+                f"here: ./replay --write {OBSERVER_VECTORS} writes the outputs in double."
+            ]
 
 
 def read_source(

@@ -24,12 +24,11 @@
 #define MOST_COLUMNS NUM_MODEL
 #endif
 
+#ifndef HEATRUN_NUM_STATES
 typedef struct {
     heatrun_state model;
-#ifdef HEATRUN_NUM_STATES
-    heatrun_observer observer;
+} heatrun_observer; /* there is none */
 #endif
-} replayed;
 
 /* Return how many numbers a line begins with. */
 static int read_row(const char *line, double row[MOST_COLUMNS])
@@ -69,7 +68,7 @@ static heatrun_inputs inputs_of(const double *next)
 }
 
 /* Replace the temperatures of a row by those of the model. */
-static heatrun_status follow(replayed *at, double row[NUM_MODEL])
+static heatrun_status follow(heatrun_observer *at, double row[NUM_MODEL])
 {
     double *found = row + 1 + NUM_INPUTS;
     const heatrun_inputs inputs = inputs_of(row + 1);
@@ -88,7 +87,7 @@ static heatrun_status follow(replayed *at, double row[NUM_MODEL])
 
 #ifdef HEATRUN_NUM_STATES
 /* Replace the outputs of a row by those of the observer. */
-static heatrun_status observe(replayed *at, double row[NUM_OBSERVER])
+static heatrun_status observe(heatrun_observer *at, double row[NUM_OBSERVER])
 {
     const double *asked = row + 1 + NUM_INPUTS;
     double *found = row + 1 + NUM_INPUTS + NUM_ASKED;
@@ -100,127 +99,105 @@ static heatrun_status observe(replayed *at, double row[NUM_OBSERVER])
         for (i = 0; i < HEATRUN_NUM_NODES; ++i) {
             start[i] = (heatrun_real)found[2*i];
         }
-        return heatrun_observer_start(&at->observer, start, (heatrun_real)found[1]);
+        return heatrun_observer_start(at, start, (heatrun_real)found[1]);
     }
-    now = heatrun_observer_step(&at->observer, &inputs, (heatrun_real)asked[0]);
+    now = heatrun_observer_step(at, &inputs, (heatrun_real)asked[0]);
     for (i = 0; i < HEATRUN_NUM_NODES; ++i) {
         *found++ = (double)now.temperature_degC[i];
         *found++ = (double)now.sd_K[i];
     }
     *found++ = (double)now.status;
     *found++ = (double)now.sensor;
-    *found++ = (double)heatrun_time_to_limit_s(&at->observer.model, &inputs, (int)asked[1],
+    *found++ = (double)heatrun_time_to_limit_s(&at->model, &inputs, (int)asked[1],
                                                (heatrun_real)asked[2], (heatrun_real)asked[3]);
-    *found = (double)heatrun_permitted_current_A(&at->observer.model, &inputs, (int)asked[1],
+    *found = (double)heatrun_permitted_current_A(&at->model, &inputs, (int)asked[1],
                                                  (heatrun_real)asked[2], (heatrun_real)asked[3]);
     return HEATRUN_OK; /* what it says of inputs is an output */
 }
 #endif
 
-/* Difference that a column may have: its unit is the end of its name. */
-static double limit_of(const char *name, size_t length)
+static const char *name_of(const char *heading, int column)
+{
+    for (; column > 0; --column) {
+        heading += strcspn(heading, ",");
+        heading += *heading == ',' ? 1 : 0;
+    }
+    return heading;
+}
+
+/* Difference that a column may have, by the unit at the end of its name. */
+static double limit_of(const char *name)
 {
     const int is_float = sizeof(heatrun_real) < 8;
-    const int is_A = length > 2 && strncmp(name + length - 2, "_A", 2) == 0;
-    const int is_s = length > 2 && strncmp(name + length - 2, "_s", 2) == 0;
-    return is_A ? (is_float ? 1e-3 : 1e-5)*HEATRUN_MAX_CURRENT_A
-        : is_s  ? (is_float ? 5.5 : 1.5)*HEATRUN_STEP_S
-                : (is_float ? 0.05 : 1e-6);
+    const size_t length = strcspn(name, ",\r\n");
+    const char *unit = length > 2 ? name + length - 2 : "";
+    return strncmp(unit, "_A", 2) == 0 ? (is_float ? 1e-3 : 1e-5)*HEATRUN_MAX_CURRENT_A
+        : strncmp(unit, "_s", 2) == 0  ? (is_float ? 5.5 : 1.5)*HEATRUN_STEP_S
+                                       : (is_float ? 0.05 : 1e-6);
 }
 
-/* Return whether a row is beyond its limits; say so of the first. */
-static int differs(const char *file, long line, const char *heading, const double found[],
-                   const double expected[], int num, double largest[], int beyond)
-{
-    int i, is_beyond = 0;
-    for (i = 0; i < num; ++i) {
-        const size_t length = strcspn(heading, ",\r\n");
-        const double limit = limit_of(heading, length);
-        const double error = found[i] - expected[i];
-        const double size = error < 0.0 ? -error : error;
-        largest[i] = size > largest[i] ? size : largest[i];
-        if (!(size <= limit)) { /* NaN too */
-            if (!beyond && !is_beyond) {
-                printf("%s, line %ld: %.*s is %.9g, expected %.9g (limit %.3g)\n", file, line,
-                       (int)length, heading, found[i], expected[i], limit);
-            }
-            is_beyond = 1;
-        }
-        heading += heading[length] == ',' ? length + 1 : length;
-    }
-    return is_beyond;
-}
-
-static int replay(const char *name, int is_writing)
+static int replay(const char *file_name, int is_writing)
 {
     static char line[4096], heading[4096];
-    FILE *file = fopen(name, "r");
-    double largest[MOST_COLUMNS] = {0.0};
-    replayed at;
-    const char *outputs = NULL; /* their names */
-    long num_steps = 0, num_line = 0, num_beyond = 0;
-    int num_inputs = 1 + NUM_INPUTS, num_columns = NUM_MODEL, is_observer = 0;
+    FILE *file = fopen(file_name, "r");
+    heatrun_observer at;
+    double largest_K = 0.0;
+    long num_steps = 0, num_line = 0;
+    int num_inputs = 1 + NUM_INPUTS, num_columns = NUM_MODEL, is_close = 1;
+    heatrun_status status = HEATRUN_OK;
     if (file == NULL) {
-        fprintf(stderr, "%s cannot be read\n", name);
+        fprintf(stderr, "%s cannot be read\n", file_name);
         return 2;
     }
-    while (fgets(line, (int)sizeof line, file) != NULL) {
+    while (status == HEATRUN_OK && fgets(line, (int)sizeof line, file) != NULL) {
         double expected[MOST_COLUMNS], found[MOST_COLUMNS] = {0.0};
-        heatrun_status status = HEATRUN_INPUT_INVALID;
         int i;
         ++num_line;
         if (strncmp(line, "time_s,", 7) == 0) {
-            outputs = strcpy(heading, line);
+            strcpy(heading, line);
 #ifdef HEATRUN_NUM_STATES
             if (strstr(line, ",reading_degC,") != NULL) {
                 num_inputs = 1 + NUM_INPUTS + NUM_ASKED;
                 num_columns = NUM_OBSERVER;
-                is_observer = 1;
             }
 #endif
-            for (i = 0; i < num_inputs && outputs != NULL; ++i) {
-                outputs = strchr(outputs, ',');
-                outputs = outputs == NULL ? NULL : outputs + 1;
-            }
         }
-        if (outputs == NULL || read_row(line, expected) != num_columns) {
-            if (is_writing) {
-                fputs(line, stdout);
-            }
+        if (read_row(line, expected) != num_columns) {
+            fputs(is_writing ? line : "", stdout);
             continue; /* comments and the heading */
         }
         memcpy(found, expected, sizeof found);
 #ifdef HEATRUN_NUM_STATES
-        status = is_observer ? observe(&at, found) : follow(&at, found);
+        status = num_columns == NUM_OBSERVER ? observe(&at, found) : follow(&at, found);
 #else
         status = follow(&at, found);
 #endif
-        if (status != HEATRUN_OK) {
-            fprintf(stderr, "%s, line %ld: status %d\n", name, num_line, (int)status);
-            fclose(file);
-            return 1;
-        }
         num_steps += expected[0] > 0.0 ? 1 : 0;
         for (i = 0; is_writing && i < num_columns; ++i) {
             printf("%.12g%c", found[i], i + 1 < num_columns ? ',' : '\n');
         }
-        if (!is_writing) {
-            num_beyond += differs(name, num_line, outputs, found + num_inputs,
-                                  expected + num_inputs, num_columns - num_inputs, largest,
-                                  num_beyond > 0);
+        for (i = num_inputs; !is_writing && i < num_columns; ++i) {
+            const char *name = name_of(heading, i);
+            const double error = found[i] - expected[i];
+            const double size = error < 0.0 ? -error : error;
+            const int is_K = (i - num_inputs)/(num_columns == NUM_MODEL ? 1 : 2) < HEATRUN_NUM_NODES;
+            largest_K = is_K && size > largest_K ? size : largest_K;
+            if (is_close && !(size <= limit_of(name))) { /* NaN too */
+                printf("%s, line %ld: %.*s is %.9g, expected %.9g (limit %.3g)\n", file_name,
+                       num_line, (int)strcspn(name, ",\r\n"), name, found[i], expected[i],
+                       limit_of(name));
+                is_close = 0;
+            }
         }
     }
     fclose(file);
-    if (!is_writing) {
-        double largest_K = 0.0;
-        int i;
-        for (i = 0; i < (is_observer ? 2 : 1)*HEATRUN_NUM_NODES; ++i) {
-            largest_K = largest[i] > largest_K ? largest[i] : largest_K;
-        }
-        printf("%s: %ld steps of %g s, largest difference %.3g K (limit %g K)\n", name, num_steps,
-               (double)HEATRUN_STEP_S, largest_K, limit_of("K", 1));
+    if (status != HEATRUN_OK) {
+        fprintf(stderr, "%s, line %ld: status %d\n", file_name, num_line, (int)status);
+    } else if (!is_writing) {
+        printf("%s: %ld steps of %g s, largest difference %.3g K (limit %g K)\n", file_name,
+               num_steps, (double)HEATRUN_STEP_S, largest_K, limit_of("_degC"));
     }
-    return num_steps > 0 && num_beyond == 0 ? 0 : 1;
+    return status == HEATRUN_OK && num_steps > 0 && is_close ? 0 : 1;
 }
 
 int main(int num_words, char **words)
