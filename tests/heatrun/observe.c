@@ -1,5 +1,6 @@
 /* Runs the observer: `observe START SD` reads, for each step, doubles of inputs and reading, and
- * writes temperature and standard deviation of each node, status and sensor. */
+ * writes temperature and standard deviation of each node, status and sensor. With -DBY_RESISTANCE
+ * the reading is a resistance. */
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -41,6 +42,9 @@ int main(int num_words, char **words)
 #endif
 #if HEATRUN_HAS_FAN
         inputs.fan = (heatrun_real)*next++;
+#endif
+#ifdef BY_RESISTANCE
+        row[NUM_INPUTS] = (double)heatrun_winding_degC(&heatrun_cold_winding, (heatrun_real)*next);
 #endif
         now = heatrun_observer_step(&observer, &inputs, (heatrun_real)*next);
         for (i = 0; i < HEATRUN_NUM_NODES; ++i) {

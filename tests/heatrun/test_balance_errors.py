@@ -289,6 +289,34 @@ def test_a_current_off_by_three_percent_is_seen_twice_as_large(gain):
     assert f"reading 3.0 % too {'low' if gain < 1 else 'high'}" in finding.remedy
 
 
+@pytest.mark.parametrize(
+    ("stated", "said"),
+    [
+        (0.5, "half that of one phase"),
+        (2.0 / 3.0, "one phase beside two, as between terminals of a delta"),
+        (1.5, "one phase and two beside each other"),
+        (2.0, "two phases in series, as between terminals of a star"),
+    ],
+)
+def test_a_standstill_tells_of_what_the_stated_resistance_is(stated, said):
+    """Losses, or voltages times currents, over three squared currents are ohms of one phase."""
+    motor = replace(MOTOR, phase_resistance_ohm=stated * 0.02)
+    by_voltage = seen(with_voltages(1.0), replace(motor, losses="map"))
+    # too large a resistance makes more copper loss than all losses, which another check tells
+    for (finding,) in (by_voltage, seen(locked(), motor) if stated < 1.0 else by_voltage):
+        assert finding.severity == "warning"
+        assert finding.values["ratio"] == pytest.approx(1.0 / stated, rel=0.002)
+        assert finding.values["phase_ohm"] == pytest.approx(0.02, rel=0.002)
+        assert f"0.02 ohm per phase explains this, and {stated * 0.02:.3g} ohm" in finding.remedy
+        assert said in finding.remedy
+        assert "Or compare phase_current_A" in finding.remedy
+    for other in (replace(motor, phase_resistance_ohm=0.8 * 0.02),
+                  replace(motor, phases=1, phase_resistance_ohm=0.75 * 0.02)):  # fmt: skip
+        (finding,) = seen(locked(), other)
+        assert finding.severity == "warning"
+        assert "ohm per phase" not in finding.remedy
+
+
 @pytest.mark.parametrize(("power_gain", "said"), [(1e3, "1000 times it"), (1e-3, "1/1000 of it"),
                                                   (0.0, "0 % of it")])  # fmt: skip
 def test_a_wrong_unit_is_said_as_a_factor_and_not_in_thousands_of_per_cent(power_gain, said):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
+import io
 import re
 import shutil
 import subprocess
@@ -13,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from scipy.stats import norm
 from simulators import fmu_error, has_modelica, modelica_error, vectors_text
 
 from heatrun import cli
@@ -23,6 +26,7 @@ from heatrun.export.missed import Missed, of_losses
 from heatrun.export.network_course import read_network
 from heatrun.export.parameters import entries
 from heatrun.export.rerun import of_no_test, read_run_test
+from heatrun.export.sources import with_outputs
 from heatrun.export.variables import Corrections
 from heatrun.model.catalogue import effects_named
 from heatrun.model.model import Model
@@ -51,6 +55,7 @@ VALUES = {
     "Ceq": 12500.0, "Req": 0.132, "Tw_start": 60.4, "Tsr_start": 55.8,
     "speed_cooling.g": 0.9, "speed_cooling.m": 0.73, "radiation.eA": 0.1,
 }  # fmt: skip
+LEAD_OHM = 0.0004
 TWO_SINKS = b"""
 [network]
 name = "sinks"
@@ -98,7 +103,8 @@ def source(half_hour, machine, network="second", effects=(), said=SAID, step=1.0
         half_hour, {**centres, **VALUES, **values}, machine, model,
         rated_speed=300.0, rated_current=100.0,
     )  # fmt: skip
-    return CSource.of(read_network(mat_bytes(variables)), MISSED, said, step)
+    cold = (VALUES["Rs0"], LEAD_OHM)
+    return CSource.of(read_network(mat_bytes(variables)), MISSED, said, step, cold)
 
 
 BUILT = {}
@@ -118,10 +124,11 @@ def build(folder, made, *words, harness="main.c"):
 
 def compiled(folder, *words, harness):
     """Compile what lies in a folder; return the program."""
-    command = [str(COMPILER), *STRICT, *words, "-o", "replay", harness, "thermal_network.c"]
+    name = f"replay_{len(BUILT)}"  # the others stay
+    command = [str(COMPILER), *STRICT, *words, "-o", name, harness, "thermal_network.c"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    return folder / "replay"
+    return folder / name
 
 
 def replay(folder, made, *words):
@@ -331,6 +338,117 @@ def run_observer(program, start, sd, rows):
     return found[:, 0:-2:2], found[:, 1:-2:2], found[:, -2], found[:, -1]
 
 
+@pytest.fixture(scope="module")
+def observer_vectors(half_hour, machine, tmp_path_factory):
+    """A source with errors that stay, a folder with its files, and the courses of its vectors."""
+    made = replace(source(half_hour, machine), missed=replace(
+        MISSED, sensor_K=0.4, sink_K=0.5, share=0.01, losses=0.02, answer=0.05))  # fmt: skip
+    folder = tmp_path_factory.mktemp("observer_vectors")
+    courses = made.observer_courses("duty")
+    text, notes = with_outputs({**made.texts(), "observer_vectors.csv": courses})
+    assert not notes
+    (folder / "observer_vectors.csv").write_bytes(text)
+    (folder / "vectors.csv").write_bytes(vectors_text(made))
+    rows = np.genfromtxt(io.BytesIO(text), delimiter=",", names=True, skip_header=1)
+    return made, folder, np.split(rows, np.flatnonzero(rows["time_s"] == 0.0)[1:])
+
+
+@needs_compiler
+def test_the_vectors_of_the_observer_hold_what_a_port_must_show(observer_vectors):
+    _, _, (sound, lost, stuck, wrong) = observer_vectors
+    assert {len(each) for each in (sound, lost, stuck, wrong)} == {1801}
+    told = np.repeat([0, 6, 1, 0], [601, 59, 541, 600])
+    for course, expected in ((sound, 0), (lost, told), (wrong, 0)):
+        assert np.all(course["sensor"] == expected)
+    assert np.all(stuck["sensor"][700:1200] == 2)
+    assert stuck["sensor"][-1] == 0
+    for node in ("winding", "stator"):
+        T, sd = wrong[f"{node}_degC"], wrong[f"{node}_sd_K"]
+        assert sound[f"{node}_degC"][0] - T[0] == pytest.approx(30.0)
+        assert np.all(np.abs(T - sound[f"{node}_degC"])[900:] < 2.0 * sd[900:])
+        assert lost[f"{node}_sd_K"][1200] > 1.1 * sound[f"{node}_sd_K"][1200]
+    asked = sound[sound["permitted_A"] >= 0.0]
+    assert len(asked) == 30
+    assert np.ptp(asked["time_to_limit_s"]) > 100.0
+
+
+@needs_compiler
+def test_vectors_of_a_sound_sensor_are_the_kalman_filter_of_a_textbook(observer_vectors):
+    """Exact steps by the exponential of the matrix; errors that stay are not estimated."""
+    made, _, (sound, *_) = observer_vectors
+    v, constants = VALUES, made._observer()
+    C, k = np.array([v["Ceq_w"], v["Ceq_sr"]]), 3 * v["Rs0"] / (234.5 + made.found["Tref"])
+    names = ("heat_sd", "slow_sd", "heat_decay", "slow_decay", "reading_sd")
+    heat, slow, keeps, keeps_slow, white = (float(constants[name]) for name in names)
+    decays, sds = (
+        [keeps, keeps, keeps_slow],
+        np.array([5, 5, heat, heat, slow, 0.4, 0.5, 0.01, 0.02]),
+    )
+    P = np.diag(sds**2)
+    Q = np.diag([0.0, 0.0, *(sds[2:5] ** 2 * (1.0 - np.square(decays))), *np.zeros(4)])
+    H = np.array([1.0, 0, 0, 0, 1, 1, 0, 0, 0])
+    x = np.array([sound["winding_degC"][0], sound["stator_degC"][0], 0.0, 0.0, 0.0])
+    for step, row in enumerate(sound[1:]):
+        copper = k * row["current_A"] ** 2
+        A = np.zeros((10, 10))  # T, heat, slow, sensor, sink, share, losses, 1
+        A[0, :3] = copper - 1 / v["Req_w"], 1 / v["Req_w"], 1.0
+        A[1, :2] = 1 / v["Req_w"] - copper, -1 / v["Req_w"] - 1 / v["Req_sr"]
+        A[1, [3, 6, 8]] = 1.0, 1 / v["Req_sr"], row["losses_W"]
+        A[:2, 9] = copper * 234.5, (row["losses_W"] - copper * 234.5
+                                    + row["sink_degC"] / v["Req_sr"])  # fmt: skip
+        A[:2] /= C[:, None]
+        T = (expm(A) @ [*x[:4], 0, 0, 0, 0, 0, 1.0])[:2]
+        own = copper * (234.5 + T[0])
+        A[:2, 7] = (np.array([own, row["losses_W"] - own]) + x[2:4]) / C
+        F = expm(A)[:9, :9]
+        F[[2, 3, 4], [2, 3, 4]] = decays
+        x, P = np.array([*T, *(x[2:] * decays)]), F @ P @ F.T + Q
+        if step > 0:  # the first reading is looked at alone
+            seen = H @ P
+            S = seen @ H + white**2
+            x = x + seen[:5] / S * (row["reading_degC"] - x[0] - x[4])
+            P[:5], P[5:, :5] = (
+                P[:5] - np.outer(seen[:5], seen) / S,
+                P[5:, :5] - np.outer(seen[5:], seen[:5]) / S,
+            )
+        found = [row["winding_degC"], row["winding_sd_K"], row["stator_degC"], row["stator_sd_K"]]
+        sd = np.sqrt(np.diag(P))
+        np.testing.assert_allclose(found, [x[0], sd[0], x[1], sd[1]], rtol=0.0, atol=2e-6)
+
+
+@needs_compiler
+@pytest.mark.parametrize("words", [(), ("-DHEATRUN_REAL=float",)], ids=["double", "float"])
+def test_the_harness_replays_both_and_names_the_line_that_differs_first(observer_vectors, words):
+    made, folder, _ = observer_vectors
+    command = [build(folder, made, *words), "vectors.csv", "observer_vectors.csv"]
+    status, said = checked(folder, *command)
+    assert (status, said.count("largest difference")) == (0, 2), said
+    lines = (folder / "observer_vectors.csv").read_text().splitlines()
+    heading = lines[1].split(",")
+    for at, column in ((2345, "stator_sd_K"), (4000, "sensor"), (120 + 3, "permitted_A")):
+        wrong = lines.copy()
+        for line in (at, at + 60):
+            row = wrong[line - 1].split(",")
+            row[heading.index(column)] = repr(float(row[heading.index(column)]) + 2.0)
+            wrong[line - 1] = ",".join(row)
+        (folder / "wrong.csv").write_text("\n".join(wrong) + "\n")
+        status, said = checked(folder, *command, "wrong.csv")
+        assert status == 1
+        assert said.count("expected") == 1
+        assert f"wrong.csv, line {at}: {column} is " in said
+
+
+def test_without_a_compiler_the_vectors_hold_the_courses_and_a_note(
+    half_hour, machine, monkeypatch
+):
+    made = source(half_hour, machine)
+    courses = made.observer_courses("duty")
+    monkeypatch.setenv("PATH", "")
+    text, notes = with_outputs({**made.texts(), "observer_vectors.csv": courses})
+    assert text == courses
+    assert "no C compiler built it here" in notes[0]
+
+
 def hidden_machine(seed, num=3600, eA=0.0):
     """A two-node machine with heat that the network misses, by Euler steps of 0.1 s.
 
@@ -521,6 +639,67 @@ def test_a_drift_is_told_by_the_mean_of_what_remains(tmp_path, steady, machine):
     assert not sensor[:1400].any()
     assert np.flatnonzero(sensor)[0] < 1400 + 3600
     assert 5 in sensor
+
+
+def by_resistance(T):
+    """Return what an ohmmeter shows of winding and leads [ohm], by the rule of IEC 60034-1."""
+    return VALUES["Rs0"] * (234.5 + T) / (234.5 + 25.0) + LEAD_OHM
+
+
+@needs_compiler
+@pytest.mark.parametrize("words", [(), ("-DHEATRUN_REAL=float",)], ids=["double", "float"])
+def test_the_winding_by_its_resistance(tmp_path, half_hour, machine, words):
+    real = ctypes.c_float if words else ctypes.c_double
+    shared = build(tmp_path, source(half_hour, machine), *words, "-shared", "-fPIC")
+    library = ctypes.CDLL(str(shared))
+    library.heatrun_winding_degC.restype = real
+    of_run = (4 * real).in_dll(library, "heatrun_cold_winding")
+    given = [by_resistance(25.0), by_resistance(100.0), by_resistance(-40.0), np.nan, np.inf,
+             -0.006, 0.0, LEAD_OHM, 0.02, 1e37]  # fmt: skip
+    found = [library.heatrun_winding_degC(of_run, real(ohm)) for ohm in given]
+    np.testing.assert_allclose(found[:3], [25.0, 100.0, -40.0], atol=2e-4 if words else 1e-9)
+    found.append(library.heatrun_winding_degC((4 * real)(), real(0.006)))
+    assert set(found[3:]) == {-1000.0}, "no reading"
+
+
+@needs_compiler
+def test_the_band_of_an_observer_by_resistance_holds(tmp_path, steady, machine):
+    """A resistance that is 0.2 % wrong for good, at noise of 0.1 %, each ten seconds."""
+    made, rng = source(steady, machine), np.random.default_rng(3)
+    header = made.texts()["thermal_network.h"].decode()
+    K_per_ohm = float(re.search(r"one of (\S+) K/ohm", header)[1])
+    assert K_per_ohm == pytest.approx((234.5 + 25.0) / VALUES["Rs0"])
+    ohm = by_resistance(410.0)  # as warm as this machine becomes
+    words = ["-DBY_RESISTANCE", "-DHEATRUN_SLOW_SD_K=0.0",
+             f"-DHEATRUN_READING_SD_K={0.001 * ohm * K_per_ohm:.3f}",
+             f"-DHEATRUN_SENSOR_SD_K={0.002 * ohm * K_per_ohm:.3f}"]  # fmt: skip
+    held, bare = [], []
+    for seed, error in enumerate(norm.ppf((np.arange(8) + 0.5) / 8)):
+        course, rows = hidden_machine(seed + 30, num=2700)
+        ohm = by_resistance(course[:, 0]) * (1.0 + 0.002 * error)
+        rows[:, 3] = ohm * (1.0 + 0.001 * rng.normal(size=len(rows)))
+        rows[np.arange(len(rows)) % 10 != 0, 3] = np.nan
+        rows[1500, 3] = -1.0  # the meter is off for a moment
+        for names, within in ((words, held), (words[:1], bare)):
+            T, sd, status, sensor = observed(tmp_path, made, 57.0, 5.0, rows, *names)
+            within.append(np.abs(T - course)[600:, 0] < 1.96 * sd[600:, 0])
+            if names is words:
+                assert not status.any()
+                assert set(sensor) <= {0, 6}
+                assert sd[600:, 0].max() < 2.0
+    assert np.mean(held) > 0.93
+    assert np.mean(bare) < np.mean(held) - 0.2
+
+
+@needs_compiler
+def test_readings_by_resistance_are_refused_by_name(tmp_path, half_hour, machine):
+    unknown = replace(source(half_hour, machine), cold=(0.0, 0.0))
+    assert "the run has no resistance" in unknown.not_by_resistance[0]
+    build(tmp_path, unknown)
+    assert "heatrun_winding_degC is left out" in (tmp_path / "thermal_network.h").read_text()
+    assert not source(half_hour, machine).not_by_resistance
+    lagging = source(half_hour, machine, "second", ("sensor_lag",))
+    assert "expects another reading (sensor_lag)" in lagging.not_by_resistance[0]
 
 
 def through_a_lag(course, lag_s):
@@ -762,10 +941,12 @@ def test_the_command_writes_what_compiles_and_replays(day, capsys):
     assert "C99 of second order, with an observer: nodes winding, stator; steps of 0.5 s" in printed
     command = [str(COMPILER), *STRICT, "main.c", "thermal_network.c", "-o", "replay"]
     subprocess.run(command, cwd="drive", check=True)
-    subprocess.run(["drive/replay", "drive/vectors.csv"], check=True)
+    subprocess.run(["drive/replay", "drive/vectors.csv", "drive/observer_vectors.csv"], check=True)
     header = Path("drive/thermal_network.h").read_text()
     assert f"SHA-256:  {hashlib.sha256(Path('run/fit.json').read_bytes()).hexdigest()}" in header
     text = Path("drive/thermal_network.c").read_text()
+    ohm = load_motor("motor.toml").phase_resistance_ohm
+    assert f"heatrun_cold_winding = {{R({ohm!r}), R(25.0), R(234.5), R(0.0)}}" in text
     interval = re.search(r"capacitance_J_per_K\[0\] +(\S+) to (\S+)  Ceq_w", text)
     low, high = map(float, interval.groups())
     stated = float(re.search(r"heatrun_identified = \{\n    \{R\((\S+)\)", text)[1])

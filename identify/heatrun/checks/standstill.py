@@ -15,7 +15,7 @@ import numpy as np
 
 from ..io.quantities import off_by, part_of, rounded
 from ..record.balance_errors import BLOCK_S, STANDSTILL_RPM
-from ..record.by_resistance import by_resistance, measured_resistance, resistance_sd
+from ..record.by_resistance import CIRCUITS, by_resistance, measured_resistance, resistance_sd
 from ..record.derive import WITH_INVERTER, constants_of, dq_power, formulas
 from ..record.motor import COEFFICIENTS_degC, Motor
 from ..record.record import Finding, Record
@@ -47,6 +47,15 @@ DECISIVE = 2.0
 
 FEWEST_BLOCKS = 6
 """Of a resistance at several temperatures."""
+
+OF_WHAT = {
+    **{factor: f"that of {circuit}" for factor, circuit in CIRCUITS.items() if factor != 1.0},
+    0.5: "half that of one phase: a value of one phase is not to be halved",
+}
+"""What may stand as the resistance of a phase, over that [1]."""
+
+APART = 0.12
+"""Half the distance between two of them [1]: an instrument that may be off so far tells none."""
 
 FAR = 10.0
 """Ratio from which a unit is wrong and not an instrument [1]."""
@@ -80,6 +89,9 @@ class Agreement:
 
 def standstill_losses(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report how losses and current agree with the phase resistance while the machine stands still.
+
+    A ratio of 2, 1.5, 2/3 or 1/2 names what may stand as `phase_resistance_ohm` instead: an error
+    towards too small a resistance shows nowhere else, for the other losses take up the difference.
 
     Needs the speed, `phase_resistance_ohm`, and three minutes under current in one stretch. Losses
     from a map are no measurement, and those behind an inverter hold its own. Where the record has
@@ -349,6 +361,13 @@ def _leads(ratio: float) -> str:
     )
 
 
+def _of_what(seen: Agreement, motor: Motor) -> str:
+    """Return what phase_resistance_ohm would be of, by the losses; empty where that is none."""
+    near = min(DECISIVE * seen.sd, APART)
+    told = (what for factor, what in OF_WHAT.items() if abs(seen.ratio * factor - 1.0) <= near)
+    return next(told, "") if motor.phases == 3 else ""
+
+
 def _finding(
     record: Record, motor: Motor, seen: Agreement, channel: str, what: str, power: float
 ) -> Finding:
@@ -381,6 +400,14 @@ def _finding(
         else "Compare phase_current_A with a second instrument (reading "
         f"{off_by(seen.ratio ** (-1.0 / power))} explains this: {power:.0f} % per 1 %)."
     )
+    else_, ohm = _of_what(seen, motor), motor.phase_resistance_ohm or 0.0
+    if else_:
+        values["phase_ohm"] = seen.ratio * ohm
+        first = (
+            f"Check phase_resistance_ohm: {rounded(seen.ratio * ohm, 3)} ohm per phase explains "
+            f"this, and {rounded(ohm, 3)} ohm would then be {else_}. Or {first[:1].lower()}"
+            f"{first[1:]}"
+        )
     leads = "" if is_of_units else _leads(seen.ratio)
     # a rotor that is said to be locked says nothing of direct current
     is_said = "speed_rpm" in constants_of(record.notes) and motor.phases > 1

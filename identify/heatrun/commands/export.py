@@ -251,6 +251,7 @@ def _text_of_network(written: dict[str, Any]) -> str:
         how = "with an observer" if written["has_observer"] else "without an observer"
         first = f"C99 of {network}, {how}"
         verify += ": compile main.c with thermal_network.c and run it on vectors.csv"
+        verify += " and observer_vectors.csv" if written["has_observer"] else ""
     elif "is_compiled" not in written:
         first = f"Modelica of {network}"
         verify += ": vectors.csv holds inputs and temperatures"

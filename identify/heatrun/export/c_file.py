@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
+import itertools
 import math
 import re
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -24,6 +26,7 @@ from .network_course import simulate_held, with_bodies
 from .network_file import SIGNALS
 
 HEADER, SOURCE, HARNESS, VECTORS = "thermal_network.h", "thermal_network.c", "main.c", "vectors.csv"
+OBSERVER_VECTORS = "observer_vectors.csv"
 
 MOVED = {"iron_loss_in_winding": "k", "rotor_node": "P"}
 """Effects that move heat out of the other losses, and the parameter that says how much [W]."""
@@ -90,6 +93,14 @@ MOST_BYTES = 1024
 VECTOR_S = 7200.0
 """Length of the vectors at most [s]."""
 
+OBSERVED_STEPS, ASKED_EVERY = 1800, 60
+"""Steps of each course of the observer's vectors at most, and between two questions for time to the
+limit and permitted current, which cost many steps."""
+
+COURSES = ("a sound sensor", "lost for a third of the course", "sticks for a third of the course",
+           "a start that is 30 K wrong")  # fmt: skip
+"""What the observer's vectors go through."""
+
 LEAST_STUCK_K = 2.0
 """Sensors of a resolution of 1 K stand still as long as the machine changes by less [K]."""
 
@@ -132,6 +143,9 @@ class CSource:
         said: Words in the comment: run, sha256, machine, network, corrections.
         step: Length of a step [s].
         parts: Number of parts of a step.
+        cold: Resistance of the circuit whose resistance tells the winding's temperature, without
+            leads, at the reference temperature, and of its leads [ohm]; the first is 0 where the
+            machine has none.
     """
 
     of_run: Mapping[str, Any]
@@ -139,11 +153,12 @@ class CSource:
     said: Mapping[str, str]
     step: float
     parts: int
+    cold: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
     def of(
         cls, of_run: Mapping[str, Any], missed: Missed, said: Mapping[str, str],
-        step: float = STEP_S,
+        step: float = STEP_S, cold: tuple[float, float] = (0.0, 0.0),
     ) -> CSource:  # fmt: skip
         """Return the source of a network.
 
@@ -173,7 +188,7 @@ class CSource:
                 where=said["run"],
                 remedy=f"Pass --step {longest:.1g} or less.",
             )
-        return cls(of_run, missed, said, step, parts)
+        return cls(of_run, missed, said, step, parts, cold)
 
     @cached_property
     def found(self) -> Mapping[str, Any]:
@@ -228,6 +243,21 @@ class CSource:
     def is_apart(self) -> bool:
         """Whether what the sensor shows is not the temperature of a node."""
         return self.lag_s > 0.0 or int(np.count_nonzero(self.reading)) > 1
+
+    @property
+    def not_by_resistance(self) -> list[str]:
+        """Why readings by resistance are not for this observer, or at all, in a sentence each."""
+        if not self.cold[0]:
+            return ["heatrun_winding_degC is left out: the run has no resistance of the winding. "
+                    "State phase_resistance_ohm in [winding]."]  # fmt: skip
+        laws = [e["id"] for e in np.atleast_1d(self.found["effects"])
+                if e["id"] in ("sensor_lag", *OF_PLACE)]  # fmt: skip
+        node = self.found["sensor"]["node"]
+        where = [f"its sensor is at {node}"] if node != self.found["copper_node"] else []
+        if not laws + where:
+            return []
+        return ["heatrun_winding_degC is the mean of the winding at once, and the observer expects "
+                f"another reading ({', '.join(laws + where)}): do not pass it there."]  # fmt: skip
 
     @property
     def state_bytes(self) -> int:
@@ -296,29 +326,90 @@ class CSource:
         Raises:
             InputError: If the test is shorter than a step.
         """
-        num = self.num_vectors
-        if num < 1:
+        if self.num_vectors < 1:
             raise InputError(
                 f"the test is shorter than a step of {self.step:g} s.",
                 where=test,
                 remedy="Pass a shorter --step, or another --test.",
             )
-        time = self.found["t"] - self.found["t"][0]
-        middle = self.step * (np.arange(num) + 0.5)
-        driving = [name for name in SIGNALS if name in self.found and name not in ("t", "Tw_m")]
-        held = {name: np.interp(middle, time, self.found[name]) for name in driving}
-        held["Is"] = np.sqrt(np.interp(middle, time, self.found["Is"] ** 2))
-        course = simulate_held(self.of_run, held, self.step)
-        columns = [self.step * np.arange(num + 1)]
-        columns += [np.concatenate([[0.0], held[name]]) for name in self.inputs]
-        columns += [course[node] for node in self.nodes]
-        heading = ["time_s", *(INPUTS[name] for name in self.inputs)]
-        heading += [f"{name.lower()}_degC" for name in _enumerators(self.nodes)]
+        held, course = self._driven
+        columns = [self.step * np.arange(len(held) + 1)]
+        columns += [*np.vstack([np.zeros(held.shape[1]), held]).T, *course.T]
+        heading = [*self._driving(), *(f"{name.lower()}_degC" for name in _enumerators(self.nodes))]
         text = io.StringIO()
         text.write(f"# heatrun export: inputs and lptn's temperatures, test {in_comment(test)}\n")
         np.savetxt(text, np.column_stack(columns), "%.17g", ",", header=",".join(heading),
                    comments="")  # fmt: skip
         return text.getvalue().encode("ascii")
+
+    def observer_courses(self, test: str) -> bytes:
+        """Return inputs and readings of `COURSES`, as CSV: the harness writes the outputs.
+
+        The machine is as the model has it, the readings those of its sensor with the white noise
+        of the run, to 0.01 K.
+
+        Args:
+            test: Name of the test, for the comment; it is no shorter than a step.
+        """
+        held, course = (each[: OBSERVED_STEPS + k] for k, each in enumerate(self._driven))
+        num, names = len(held), [name.lower() for name in _enumerators(self.nodes)]
+        rng = np.random.default_rng(1)
+        noise = rng.normal(0.0, self.missed.reading(self.step), (len(COURSES), num))
+        outputs = [f"{name}_{what}" for name in names for what in ("degC", "sd_K")]
+        heading = [*self._driving(), "reading_degC", "node", "limit_degC", "horizon_s", *outputs,
+                   "status", "sensor", "time_to_limit_s", "permitted_A"]  # fmt: skip
+        copper = self.nodes.index(self.found["copper_node"])
+        question = [copper, np.round(course[:, copper].max(), 1), 600.0 * self.step]
+        asked = np.where(
+            (np.arange(1, num + 1) % ASKED_EVERY == 0)[:, None], question, [-1.0, 0.0, 0.0]
+        )
+        unknown = np.full((num, len(outputs) + 4), np.nan)
+        text = io.StringIO()
+        text.write(f"# heatrun export: inputs, readings and the observer's outputs by this C in "
+                   f"double, test {in_comment(test)}\n{','.join(heading)}\n")  # fmt: skip
+        for k, (what, each) in enumerate(zip(COURSES, noise, strict=True)):
+            reading = np.round(self._shown(course) + each, 2)
+            late = slice(num // 3, 2 * num // 3)
+            if k == 1:
+                reading[late] = np.nan
+            elif k == 2:
+                reading[late] = reading[late][:1]
+            wrong_K, sd_K = (-30.0, 30.0) if k == 3 else (0.0, 5.0)
+            start = [[T + wrong_K, sd_K] for T in course[0]]
+            rows = np.column_stack(
+                [self.step * np.arange(1, num + 1), held, reading, asked, unknown]
+            )
+            first = [*np.zeros(1 + held.shape[1]), np.nan, -1, 0, 0, *np.ravel(start), 0, 0, -1, -1]
+            text.write(f"# {what}\n")
+            np.savetxt(text, np.vstack([first, rows]), "%.12g", ",")
+        return text.getvalue().encode("ascii")
+
+    def _shown(self, course: Float[np.ndarray, "time node"]) -> Float[np.ndarray, " step"]:
+        """Return what the sensor shows at the end of each step [degC]."""
+        at_place = course @ self.reading
+        if not self.lag_s:
+            return at_place[1:]
+        keep = math.exp(-self.step / self.lag_s)
+        mean, shown = self.lag_s / self.step * (1.0 - keep), [at_place[0]]
+        for before, after in itertools.pairwise(at_place):
+            shown.append(keep * shown[-1] + (1.0 - mean) * after + (mean - keep) * before)
+        return np.array(shown[1:])
+
+    def _driving(self) -> list[str]:
+        """Return the names of time and inputs."""
+        return ["time_s", *(INPUTS[name] for name in self.inputs)]
+
+    @cached_property
+    def _driven(self) -> tuple[np.ndarray, np.ndarray]:
+        """Inputs held over the steps (step, input) and temperatures (step + 1, node)."""
+        time = self.found["t"] - self.found["t"][0]
+        middle = self.step * (np.arange(self.num_vectors) + 0.5)
+        driving = [name for name in SIGNALS if name in self.found and name not in ("t", "Tw_m")]
+        held = {name: np.interp(middle, time, self.found[name]) for name in driving}
+        held["Is"] = np.sqrt(np.interp(middle, time, self.found["Is"] ** 2))
+        course = simulate_held(self.of_run, held, self.step)
+        return (np.column_stack([held[name] for name in self.inputs]),
+                np.column_stack([course[node] for node in self.nodes]))  # fmt: skip
 
     def _header(self) -> dict[str, str]:
         found, inputs = self.found, self.inputs
@@ -342,6 +433,13 @@ class CSource:
                 for i, (name, node) in enumerate(zip(names, self.nodes, strict=True))
             ),
             "losses_words": self.losses_words,
+            "has_resistance": str(int(self.cold[0] > 0.0)),
+            "cold": _reals(np.array([self.cold[0], found["Tref"], found["B"], self.cold[1]])),
+            "kelvin_per_ohm": f"{(found['Tref'] + found['B']) / (self.cold[0] or 1.0):.6g}",
+            "not_by_resistance": "".join(
+                f" *\n * {in_comment(line)}\n"
+                for line in textwrap.wrap(" ".join(self.not_by_resistance), 94)
+            ),
             "sink": in_comment(found["sink"]),
             "second_sink": in_comment(found.get("second_sink", "none")),
         }

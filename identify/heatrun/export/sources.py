@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -12,8 +16,11 @@ from ..io.whole_files import numbered
 from ..model.parameters import qualified
 from ..runs.run import Run, open_run
 from .c_file import (
+    HARNESS,
     LAWS,
     MOST_BYTES,
+    OBSERVER_VECTORS,
+    SOURCE,
     STEP_S,
     VECTORS,
     CSource,
@@ -85,7 +92,7 @@ def export_source(
     """
     read = read_source(run, test, network, is_replica, step)
     source, parameters, found = read.source, read.parameters, read.found
-    notes, further = [*found.notes, *read.notes], {}
+    notes, further, vectors = [*found.notes, *read.notes], {}, source.vectors(found.record.name)
     if to == "fmu":
         files = fmu_files(source, parameters)
         binaries, why_none = compiled(files)
@@ -97,10 +104,15 @@ def export_source(
         said = [(e.name, e.member if e.index is None else f"{e.member}[{e.index}]", e.interval_95)
                 for e in parameters if e.interval_95]  # fmt: skip
         content, further = source.texts(said), {"has_observer": source.has_observer}
-        if not source.has_observer:
+        if source.has_observer:
+            courses = {OBSERVER_VECTORS: source.observer_courses(found.record.name)}
+            observed, why_none = with_outputs({**content, **courses})
+            content, notes = {**content, OBSERVER_VECTORS: observed}, [*notes, *why_none]
+            notes += source.not_by_resistance
+        else:
             notes.append(f"There is no observer: its state would have {source.state_bytes} bytes "
                          f"with {source.num_states} states (limit {MOST_BYTES}).")  # fmt: skip
-    content[VECTORS] = source.vectors(found.record.name)
+    content[VECTORS] = vectors
     places = [folder] if folder else numbered(run / to)
     written = write_export(places, content, found.inputs, is_replacing=is_replacing)
     return {
@@ -122,6 +134,29 @@ def export_source(
         "notes": notes,
         "findings": [],
     }
+
+
+def with_outputs(files: Mapping[str, bytes]) -> tuple[bytes, list[str]]:
+    """Return the observer's vectors with what the C makes of them in double, or why it made none.
+
+    Args:
+        files: Header, source, harness and courses by name.
+    """
+    compiler = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), "cc")
+    with tempfile.TemporaryDirectory() as folder:
+        for name, content in files.items():
+            Path(folder, name).write_bytes(content)
+        program = str(Path(folder, "replay"))
+        build = [compiler, "-std=c99", "-O2", "-o", program, HARNESS, SOURCE]
+        words = {"cwd": folder, "capture_output": True, "check": True}
+        try:
+            subprocess.run(build, **words)
+            return subprocess.run([program, "--write", OBSERVER_VECTORS], **words).stdout, []
+        except (OSError, subprocess.CalledProcessError):
+            return files[OBSERVER_VECTORS], [
+                f"{OBSERVER_VECTORS} has inputs and readings alone, for no C compiler built it "
+                f"here: ./replay --write {OBSERVER_VECTORS} writes the outputs in double."
+            ]
 
 
 def read_source(
@@ -146,7 +181,10 @@ def read_source(
         "network": f"{title} (replica)" if is_replica else title,
         "corrections": corrections.words(),
     }
-    source = CSource.of(read_network(mat_bytes(variables)), missed, said, step)
+    leads = found.motor.lead_resistance_ohm
+    measured, phase = found.motor.measured_resistance_ohm, found.motor.phase_resistance_ohm
+    cold = (phase or 0.0) if measured is None else measured - leads
+    source = CSource.of(read_network(mat_bytes(variables)), missed, said, step, (cold, leads))
     notes += (f"What drives it is meant as the run corrects it: {corrections.words()}.",)
     limits = [] if is_replica else ends(opened, network, found, source)
     return Sourced(source, entries(source, found.model, limits), found, notes)

@@ -401,6 +401,19 @@ heatrun_status heatrun_start(heatrun_state *state,
     return HEATRUN_OK;
 }
 
+#if HEATRUN_HAS_RESISTANCE
+const heatrun_winding heatrun_cold_winding = {$cold};
+
+heatrun_real heatrun_winding_degC(const heatrun_winding *winding, heatrun_real resistance_ohm)
+{
+    const heatrun_real B = winding->coefficient_degC;
+    const heatrun_real ratio = (resistance_ohm - winding->lead_ohm)/winding->cold_ohm;
+    const heatrun_real found_degC = ratio*(B + winding->cold_degC) - B;
+    return winding->cold_ohm > R(0.0) && ratio > R(0.0) && is_temperature(found_degC)
+        ? found_degC : R(HEATRUN_NO_READING_DEGC);
+}
+#endif
+
 /* Advance with more heat in each node [W]; a null pointer stands for none. */
 static heatrun_status step_with(heatrun_state *state, const heatrun_inputs *inputs, drive *at,
                                 const heatrun_real *more_W, heatrun_real step_s)

@@ -32,6 +32,7 @@ typedef HEATRUN_REAL heatrun_real;
 #define HEATRUN_HAS_FAN $has_fan
 #define HEATRUN_HAS_COOLANT $has_coolant
 #define HEATRUN_HAS_WARMTH $has_warmth
+#define HEATRUN_HAS_RESISTANCE $has_resistance
 
 /* Inputs beyond these are refused; temperatures hold for sinks and nodes. */
 #define HEATRUN_MAX_CURRENT_A $max_current
@@ -142,5 +143,26 @@ heatrun_real heatrun_time_to_limit_s(const heatrun_state *state, const heatrun_i
 heatrun_real heatrun_permitted_current_A(const heatrun_state *state, const heatrun_inputs *inputs,
                                          int node, heatrun_real limit_degC,
                                          heatrun_real horizon_s);
+
+/* Winding by its resistance, the mean over all of it.
+$not_by_resistance */
+#if HEATRUN_HAS_RESISTANCE
+#define HEATRUN_NO_READING_DEGC (-1000.0) /* the observer takes it as none, as NaN */
+
+typedef struct {
+    heatrun_real cold_ohm;         /* of the circuit that is measured, without leads, */
+    heatrun_real cold_degC;        /* at this temperature */
+    heatrun_real coefficient_degC; /* B of its material */
+    heatrun_real lead_ohm;         /* in that circuit */
+} heatrun_winding;
+
+/* That of the run; a machine may have its own. */
+extern const heatrun_winding heatrun_cold_winding;
+
+/* T = (R - leads)/cold_ohm (B + cold_degC) - B. HEATRUN_NO_READING_DEGC where that is no
+ * temperature: NaN, an open circuit, less than the leads. An error of the resistance in ohm, and
+ * its noise, is one of $kelvin_per_ohm K/ohm (of the run). */
+heatrun_real heatrun_winding_degC(const heatrun_winding *winding, heatrun_real resistance_ohm);
+#endif
 $observer_header
 #endif
