@@ -195,12 +195,12 @@ clock, and no heat run lasts a year, nor does any network of a machine need it."
 
 TIME_BY_SIZE_S = {
     "ambient": Limits(25.0, 60.0, 2500.0, 18e3),
-    "wash": Limits(8.0, 20.0, 800.0, 18e3),
+    "wash": Limits(6.0, 14.0, 800.0, 18e3),
     "coolant": Limits(1.5, 5.0, 800.0, 18e3),
 }
 """Time constant [s] at a conductance of 1 W/K. In air from fans (100) to still air (600 to 2000,
 from 3 g to 1 MW); nine times as slow is none, even wrapped up. In the wash of a propeller a motor
-of 100 g has 50 s, and its winding alone a third of it. By a coolant from oil in the slots (2) to a
+of 100 g has 50 s, one of 3 kW that loses 12 W for each kelvin 15 at 1 W/K. By a coolant from oil in the slots (2) to a
 jacket (800)."""
 
 TIME_S = Limits(5.0, 20.0, 4e4, 360e3)

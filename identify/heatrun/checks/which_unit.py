@@ -45,11 +45,11 @@ meter has two leads, and the name of the key carries its unit."""
 OTHER_COOLING = 0.001
 """Prior odds [1] that a liquid cools a machine whose record has the temperature of the air."""
 
-IN_ITS_WASH = {True: 0.5, False: 0.0, None: 0.003}
+IN_ITS_WASH = {True: 0.5, False: 0.0, None: 0.005}
 """Prior odds [1] that a propeller on the shaft cools a machine in air: where torque goes with the
 square of the speed, where it does not, and where the record does not tell."""
 
-SQUARE, SPREAD = 0.2, 1.25
+SQUARE, SPREAD = 0.2, 1.05
 """What the square of the speed leaves of the torque's range at most [1], and the largest torque
 over the least that tells [1]."""
 

@@ -314,6 +314,7 @@ static int judge(heatrun_observer *observer, heatrun_real reading_degC, heatrun_
     const heatrun_real jump_variance_K2 = answer_K*answer_K + num_steps*num_steps*push_K*push_K
         + R(2.0)*white_K2 + R(2.0)*(renewed < R(1.0) ? renewed : R(1.0))*slow_K2;
     const int is_jump = jump_K*jump_K > R(HEATRUN_OFF_SDS)*R(HEATRUN_OFF_SDS)*jump_variance_K2;
+    const heatrun_real left_K = observer->jumped_K + jump_K;
     const int is_same = !is_first && !(own_K < R(0.0)) && !(own_K > R(0.0));
     const int is_used = observer->belief == HEATRUN_SENSOR_OK;
     const heatrun_real stays_K2 = covariance(observer, SHOWN, SHOWN) + fresh_K*fresh_K
@@ -333,9 +334,13 @@ static int judge(heatrun_observer *observer, heatrun_real reading_degC, heatrun_
     observer->num_missing = 0;
     observer->apart_K = is_first ? apart_K
         : observer->apart_K + R(0.1)*(apart_K - observer->apart_K);
-    /* an offset stays where it has jumped to, until it jumps back */
-    if (is_jump && R(2.0)*size(observer->jumped_K + jump_K) < size(observer->jumped_K)) {
+    /* an offset stays where it has jumped to, until it jumps back, as far as the model can tell;
+       so does a reading that shows a change of load before the inputs do */
+    if (jump_K*observer->jumped_K < R(0.0) && R(2.0)*size(jump_K) > size(observer->jumped_K)
+        && (R(2.0)*size(left_K) < size(observer->jumped_K)
+            || left_K*left_K < R(HEATRUN_OFF_SDS)*R(HEATRUN_OFF_SDS)*jump_variance_K2)) {
         observer->has_returned = 1;
+        observer->jumped_K = is_used != 0 ? R(0.0) : observer->jumped_K; /* nothing came of it */
     } else if (R(2.0)*size(observer->apart_K) > size(observer->jumped_K)
                && R(2.0)*size(innovation_K) > size(observer->jumped_K)) {
         observer->has_returned = 0;
