@@ -764,6 +764,12 @@ def test_a_phase_may_have_a_speed_and_losses_of_its_own(draws, tmp_path):
     assert "other losses as the file has them" in found["own_current_A"].condition
 
 
+def test_a_shaft_that_turns_without_current_has_the_losses_of_the_tests(tmp_path):
+    (tmp_path / "idle.csv").write_text("seconds,current_A,speed_rpm\n4,100,1500\n4,0,1500\n4,0,0\n")
+    phases = parse_duty(str(tmp_path / "idle.csv"), 100.0).phases
+    assert [phase.other_W for phase in phases] == [None, None, 0.0]
+
+
 def test_the_rms_of_a_cycle_is_that_of_the_exact_solution_where_it_applies(draws, tmp_path):
     """A short cycle of half load with the other losses held: the winding sees the mean square."""
     cold = {name: np.full(NUM, value) for name, value in TRUE.items()}

@@ -200,8 +200,7 @@ TIME_BY_SIZE_S = {
 }
 """Time constant [s] at a conductance of 1 W/K. In air from fans (100) to still air (600 to 2000,
 from 3 g to 1 MW); nine times as slow is none, even wrapped up. In the wash of a propeller a motor
-of 100 g has 50 s, one of 3 kW that loses 12 W for each kelvin 15 at 1 W/K. By a coolant from oil in the slots (2) to a
-jacket (800)."""
+of 100 g has 50 s, one of 3 kW 15. By a coolant from oil in the slots (2) to a jacket (800)."""
 
 TIME_S = Limits(5.0, 20.0, 4e4, 360e3)
 """And of any size [s]; the largest hydro generators take ten hours."""

@@ -262,7 +262,8 @@ def _read(path: Path) -> tuple[Phase, ...]:
         Phase(
             row["seconds"], abs(row["current_A"]) / largest,
             row.get("speed_rpm", None if row["current_A"] else 0.0),
-            row.get("other_losses_W", None if row["current_A"] else 0.0),
+            # a shaft that turns has its iron and friction without current too
+            row.get("other_losses_W", None if row["current_A"] or row.get("speed_rpm") else 0.0),
         )
         for row in table.to_dict("records")
     )  # fmt: skip
