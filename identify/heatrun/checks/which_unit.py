@@ -200,13 +200,12 @@ def _posterior(
         other = cost(one.record, one.motor, min(negligible, as_read))
         if other < as_read:  # else the record is no more usual, and no news of its unit
             weights.append((one.prior * math.exp(-other), one))
-    liquid = 0.0
+    liquid = wash = 0.0
     if motor.sink == "ambient":
         liquid = OTHER_COOLING * math.exp(-cost(record, motor, math.inf, "coolant"))
-    right = math.exp(-as_read)
-    wash = IN_ITS_WASH[has_propeller(record)] if motor.sink == "ambient" else 0.0
-    if wash:
-        right += wash * math.exp(-cost(record, motor, math.inf, "wash"))
+        propeller = IN_ITS_WASH[has_propeller(record)]
+        wash = propeller * math.exp(-cost(record, motor, math.inf, "wash"))
+    right = math.exp(-as_read) + wash  # as the motor file has it, which knows no propeller
     total = right + sum(weight for weight, _ in weights) + liquid + SOMETHING_ELSE
     probable = sorted(((w / total, one) for w, one in weights), key=lambda pair: -pair[0])
     return probable, liquid / total, SOMETHING_ELSE / total
