@@ -38,7 +38,7 @@ PHASES = {
     "fit": "heatrun.calibration.fit",
     "unmodelled heat": "heatrun.calibration.holding_heat",
     "search for effects": "heatrun.calibration.find",
-    "missing effects": "heatrun.calibration.missing",
+    "missing effects": "heatrun.calibration.small_effects",
     "comparison of the tests": "heatrun.calibration.fit_with_changes",
     "sampling": "heatrun.calibration.sample",
     "average over effects": "heatrun.calibration.averaged",
