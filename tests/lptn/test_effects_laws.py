@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -235,6 +236,26 @@ def test_a_shift_of_a_ramp_is_the_ramp_later():
     ramp = jnp.asarray(20.0 + 0.5 * edges)
     shifted = eqx.filter_jit(TimeShift(jnp.asarray(7.0)).observe)(ramp, {}, inputs)
     np.testing.assert_allclose(shifted, 20.0 + 0.5 * np.maximum(edges - 7.0, 0.0), atol=1e-7)
+
+
+@pytest.mark.parametrize("delay", [-3.3, 0.0, 0.9, 7.0, 8.0, 1e4, -1e4])
+def test_a_shift_reads_between_the_edges_of_equal_intervals_as_of_any(delay):
+    inputs = constant(2.0, num=199)
+    edges = 2.0 * np.arange(200)
+    reading = jnp.asarray(60.0 + 20.0 * np.sin(edges / 31.0) + 0.1 * edges)
+
+    def shifted(d, inputs=inputs):
+        return TimeShift(d).observe(reading, {}, inputs)
+
+    any_steps = eqx.tree_at(lambda each: each.step, inputs, jnp.full(199, 2.0))
+    at = jnp.asarray(delay)
+    expected = np.interp(edges - delay - 1e-9, edges, reading)
+    np.testing.assert_allclose(jax.jit(shifted)(at), expected, atol=1e-9)
+    ones = jnp.ones(())
+    slopes = [
+        jax.jvp(lambda d, of=of: shifted(d, of), (at,), (ones,))[1] for of in (inputs, any_steps)
+    ]
+    np.testing.assert_allclose(slopes[0], slopes[1], atol=1e-6)
 
 
 Ceq_w, Ceq_sr, Req_w, Req_sr = 666.75, 15060.1, 0.14485, 0.11625

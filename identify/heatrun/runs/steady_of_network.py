@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from lptn import Drive, steady_state
+from lptn.inputs import SIGNALS
 
 from ..io.programs import compiled
 from ..model.model import Model
@@ -51,15 +51,24 @@ def steady_of_network(found: Prediction, stretch: Stretch) -> SteadyNetwork | No
         stretch: Of constant load, on the record's clock.
     """
     from_s = stretch.to_s - stretch.length_s / 3.0
-    drive = found.test.inputs.drive()
-    clock = np.asarray(drive.time) + found.test.first_s
+    inputs = found.test.inputs
+    ends = np.cumsum(np.broadcast_to(inputs.step, inputs.num_time))
+    clock = ends - 0.5 * np.asarray(inputs.step) + found.test.first_s
     late = (clock >= from_s) & (clock <= stretch.to_s)
     read = found.test.is_observed & (found.time_s >= from_s) & (found.time_s <= stretch.to_s)
     if not late.any() or not read.any():
         return None
-    held = jax.tree.map(lambda values: jnp.mean(jnp.asarray(values)[late]), drive)
-    winding = jnp.asarray(float(np.mean(found.test.measured[read])))
-    values = {n: jnp.asarray(draws[:NUM_DRAWS]) for n, draws in found.values.items()}
+    means = {
+        name: np.mean(np.asarray(values)[late])
+        for name in SIGNALS
+        if (values := getattr(inputs, name)) is not None
+    }
+    held = Drive.constant(
+        **means, time=np.mean(clock[late] - found.test.first_s),
+        rated_speed=inputs.rated_speed, rated_current=inputs.rated_current,
+    )  # fmt: skip
+    winding = np.mean(found.test.measured[read])
+    values = {n: np.asarray(draws[:NUM_DRAWS]) for n, draws in found.values.items()}
     draws = _rest(found.model, values, held, winding)
     nodes = {node: np.asarray(each) for node, each in draws.items()}
     if not all(np.isfinite(each).all() for each in nodes.values()):

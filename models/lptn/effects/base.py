@@ -244,10 +244,14 @@ def require(values: Float[Array, "..."] | None, effect: str, channel: str) -> Fl
 
 
 def power(speed: Float[Array, "..."], exponent: Float[Array, ""] | float) -> Float[Array, "..."]:
-    """Return |speed|^exponent with finite derivatives at standstill [1]."""
+    """Return |speed|^exponent with finite derivatives at standstill [1].
+
+    By the exponential, which many machines at once take in full vector registers: a power of its
+    own for each of them takes six times as long.
+    """
     size = jnp.abs(speed)
     turns = size > 0.0
-    return jnp.where(turns, jnp.where(turns, size, 1.0) ** exponent, 0.0)
+    return jnp.where(turns, jnp.exp(exponent * jnp.log(jnp.where(turns, size, 1.0))), 0.0)
 
 
 def at_load(

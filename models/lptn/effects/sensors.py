@@ -152,6 +152,15 @@ class TimeShift(SensorEffect):
         inputs: Inputs,
     ) -> Float[Array, " edge"]:
         """As `SensorEffect.observe`."""
-        edges = inputs.edges()
-        # a nanosecond puts d = 0 on the side from which the slope by d is true
-        return jnp.interp(edges - (self.d + 1e-9), edges, reading)
+        delay = self.d + 1e-9  # puts d = 0 on the side from which the slope by d is true
+        if not inputs.is_uniform:
+            edges = inputs.edges()
+            return jnp.interp(edges - delay, edges, reading)
+        # a search among the edges would take as long as the march
+        late = delay / inputs.step
+        whole = jnp.floor(late)
+        places = jnp.arange(reading.size) - whole.astype(int)
+        later, earlier = (
+            reading[jnp.clip(each, 0, reading.size - 1)] for each in (places, places - 1)
+        )
+        return later + (late - whole) * (earlier - later)
