@@ -358,6 +358,20 @@ def test_where_the_guard_is_never_satisfied_there_are_draws_all_the_same(short, 
     assert np.isfinite(weighted.effective_size)
 
 
+@pytest.mark.parametrize(
+    ("shape", "num", "is_beyond"),
+    [(1.3, 8192, True), (1.3, 64, False), (0.75, 8192, False), (0.4, 8192, False)],
+)
+def test_only_a_tail_that_is_surely_too_heavy_ends_the_rounds(shape, num, is_beyond):
+    """Of weights by a Pareto law most draws are alike: enough of them count in any case."""
+    rng = np.random.default_rng(3)
+    tail = rng.uniform(size=num) < 0.02
+    log_weight = np.where(tail, np.log1p(0.1 * rng.pareto(1.0 / shape, size=num)), 0.0)
+    nothing = np.zeros(num)
+    weighted = Weighted.of(np.zeros((num, 1)), log_weight, nothing, None)
+    assert weighted.is_beyond_hope == is_beyond, (weighted.pareto_k, weighted.effective_size)
+
+
 def test_a_matrix_without_a_factor_is_set_aside():
     matrices = np.stack([np.eye(3), -np.eye(3), np.full((3, 3), np.nan), 4.0 * np.eye(3)])
     factors = rto_module._factors(matrices)

@@ -251,15 +251,15 @@ def _moves(weighted: Weighted) -> list[tuple[emcee.moves.Move, float]]:
     if weighted.effective_size <= LEAST_EFFECTIVE:
         usual = [(move, (1.0 - SHARE_WITH_EVOLUTION) * share) for move, share in evolution()]
         return [*usual, (noise, SHARE_WITH_EVOLUTION)]
-    proposal = weighted.proposal
+    is_followed = not isinstance(weighted.proposal, Proposal)
+    proposal = weighted.proposal.latest if is_followed else weighted.proposal
 
     def anew(coordinates: np.ndarray, random: np.random.RandomState):
         rng = np.random.default_rng(random.randint(2**32, size=4, dtype=np.uint32))
         drawn = proposal.draw(coordinates.shape[0], rng)
         return drawn.vectors, proposal.log_density(coordinates) - drawn.log_density
 
-    is_costly = weighted.is_sound and not isinstance(proposal, Proposal)
-    share_anew = SHARE_FOLLOWED if is_costly else SHARE_ANEW
+    share_anew = SHARE_FOLLOWED if is_followed and weighted.is_sound else SHARE_ANEW
     rest = 1.0 - SHARE_OF_NOISE - share_anew
     usual = [(move, rest * share) for move, share in evolution()]
     return [*usual, (noise, SHARE_OF_NOISE), (emcee.moves.MHMove(anew), share_anew)]

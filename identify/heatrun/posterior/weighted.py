@@ -47,7 +47,7 @@ def pareto_smoothed(log_weight: Float[np.ndarray, " draw"]) -> Smoothed:
         return Smoothed(raw, float("inf"))
     weight = np.exp(log_weight - np.max(log_weight))
     order = np.argsort(weight)
-    num_tail = math.ceil(min(0.2 * weight.size, 3.0 * math.sqrt(weight.size)))
+    num_tail = _num_tail(weight.size)
     cut = max(weight[order[-num_tail - 1]], np.finfo(float).tiny)
     tail = order[weight[order] > cut]
     shape, scale = _pareto(weight[tail] - cut) if tail.size > FEWEST_IN_TAIL else (math.nan, 0.0)
@@ -58,6 +58,10 @@ def pareto_smoothed(log_weight: Float[np.ndarray, " draw"]) -> Smoothed:
     smoothed = log_weight - np.max(log_weight)
     smoothed[tail] = np.minimum(np.log(cut + scale * above), 0.0)
     return Smoothed(smoothed - logsumexp(smoothed), float(shape))
+
+
+def _num_tail(num_draws: int) -> int:
+    return math.ceil(min(0.2 * num_draws, 3.0 * math.sqrt(num_draws)))
 
 
 FEWEST_IN_TAIL = 4
@@ -180,6 +184,15 @@ class Weighted:
     def is_sound(self) -> bool:
         """Whether the weights can be trusted."""
         return self.pareto_k < PARETO_LIMIT and self.effective_size > LEAST_EFFECTIVE
+
+    @property
+    def is_beyond_hope(self) -> bool:
+        """Whether more draws would not make them sound: their law has too heavy a tail, by two of
+        the standard errors with which a fit tells its shape.
+        """
+        error = (1.0 + self.pareto_k) / math.sqrt(_num_tail(self.weights.size))
+        is_heavy = self.pareto_k - 2.0 * error > PARETO_LIMIT
+        return self.effective_size > LEAST_EFFECTIVE and is_heavy
 
     def pick(self, num: int, rng: np.random.Generator) -> Int[np.ndarray, " num"]:
         """Return the positions of rows drawn with their weights."""
