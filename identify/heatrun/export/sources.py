@@ -136,6 +136,10 @@ def export_source(
     }
 
 
+LONGEST_BUILD_S = 60.0
+"""Time that a compiler, or what it made, is waited for [s]; it takes a second."""
+
+
 def with_outputs(files: Mapping[str, bytes]) -> tuple[bytes, list[str]]:
     """Return the observer's vectors with what the C makes of them in double, or why it made none.
 
@@ -148,11 +152,11 @@ def with_outputs(files: Mapping[str, bytes]) -> tuple[bytes, list[str]]:
             Path(folder, name).write_bytes(content)
         program = str(Path(folder, "replay"))
         build = [compiler, "-std=c99", "-O2", "-o", program, HARNESS, SOURCE]
-        words = {"cwd": folder, "capture_output": True, "check": True}
+        words = {"cwd": folder, "capture_output": True, "check": True, "timeout": LONGEST_BUILD_S}
         try:
             subprocess.run(build, **words)
             return subprocess.run([program, "--write", OBSERVER_VECTORS], **words).stdout, []
-        except (OSError, subprocess.CalledProcessError):
+        except (OSError, subprocess.SubprocessError):
             return files[OBSERVER_VECTORS], [
                 f"{OBSERVER_VECTORS} has inputs and readings alone, for no C compiler built it "
                 f"here: ./replay --write {OBSERVER_VECTORS} writes the outputs in double."
