@@ -185,7 +185,7 @@ def test_a_rating_that_was_asked_for_is_told_or_refused(stored):
     models = {"second": replace(stored.models["second"], derived=told)}
     said = result_text(replace(stored, models=models)).splitlines()
     assert "S2-30_current_A: 140.3 A  95 % 139.6 … 142.1   S2-30, class F" in said
-    assert "S3-40_current_A: refused, no insulation class" in said
+    assert "S3-40_current_A: none; no insulation class" in said
     assert not any("continuous_current_A" in line for line in said)  # nobody asked for it
 
 

@@ -264,7 +264,7 @@ def _at_end(test: DescribedTest) -> str:
 def _rating(name: str, figure: DerivedFigure) -> str:
     """Return a current at a limit of the insulation or what is left to it, or why there is none."""
     if refused := known(figure.refused):
-        return f"{name}: refused, {refused}"
+        return f"{name}: none; {refused}"
     value = (
         "not determined"
         if math.isnan(figure.median)
