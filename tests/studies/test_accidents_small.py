@@ -24,6 +24,13 @@ def test_clean_records_are_not_accused_and_accidents_are_named(tmp_path):
     assert "| **all** | 3 | 3 | 3 |" in text
 
 
+def test_a_fast_machine_at_rest_on_a_rounded_reading_is_not_clipped(tmp_path):
+    """The rest of the record leaves open where it comes to rest, and a network has it all."""
+    assert "saturation" not in [
+        found[0] for found in run({"accident": "", "seed": 54112}, tmp_path)["findings"]
+    ]
+
+
 def test_another_moment_or_another_finding_is_not_named():
     found = ["sensor_detached", "error", "To leave its readings out: mask = [[1, 2]].", 900.0]
     row = {"accident": "sensor falls off", "seed": 1, "at_s": 900.0, "findings": [found]}

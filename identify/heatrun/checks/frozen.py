@@ -42,6 +42,9 @@ MAX_TOPS = 200
 MOVED_STEPS = 3.0
 """Rounding hides one step of movement and the network is simple: three must be missing."""
 
+AS_WELL = 1.2
+"""Residual of a network that describes as well over that of another [1]."""
+
 DOUBT = 3.0
 """Where the network describes the rest badly, a movement counts from three times its rms residual
 and its own standard deviation."""
@@ -121,7 +124,8 @@ def hidden_above_top(record: Record, motor: Motor) -> float:
     """Return how far a rounded winding temperature is cut off at its highest reading.
 
     The network is fitted to all but the samples at the highest reading, and tells how far they
-    should have gone beyond it.
+    should have gone beyond it. Where a steady load ends in them, the rest leaves the plateau open:
+    nothing is cut off of what a network fitted to all describes as well.
 
     Returns:
         Hidden temperature [K]; 0 where no more than rounding and the network's own doubt explain.
@@ -137,7 +141,10 @@ def hidden_above_top(record: Record, motor: Motor) -> float:
     if fit is None or not (inside := within(fit.time_s, spans)).any():
         return 0.0
     hidden = float(np.max(fit.fitted_degC[inside])) - top
-    return hidden if hidden > MOVED_STEPS * step + _doubt(fit, inside) else 0.0
+    if hidden <= MOVED_STEPS * step + _doubt(fit, inside):
+        return 0.0
+    whole = quick_fit(record, motor)
+    return 0.0 if whole is not None and whole.rms_K < AS_WELL * fit.rms_K else hidden
 
 
 FLAT_RUN = 5
