@@ -252,7 +252,7 @@ def _moves(weighted: Weighted) -> list[tuple[emcee.moves.Move, float]]:
         usual = [(move, (1.0 - SHARE_WITH_EVOLUTION) * share) for move, share in evolution()]
         return [*usual, (noise, SHARE_WITH_EVOLUTION)]
     is_followed = not isinstance(weighted.proposal, Proposal)
-    proposal = weighted.proposal.latest if is_followed else weighted.proposal
+    proposal = weighted.proposal.latest
 
     def anew(coordinates: np.ndarray, random: np.random.RandomState):
         rng = np.random.default_rng(random.randint(2**32, size=4, dtype=np.uint32))

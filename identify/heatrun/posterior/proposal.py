@@ -162,6 +162,11 @@ class Proposal:
         """Return the log density of vectors from elsewhere [nat]."""
         return self._seen(vectors).log_density
 
+    @property
+    def latest(self) -> Proposal:
+        """Itself: it has one density of the noise."""
+        return self
+
     def _seen(self, vectors: Float[np.ndarray, "draw all"]) -> Drawn:
         as_given = np.full(vectors.shape[0], AS_GIVEN)
         return self._placed(vectors[:, -NUM_NOISE:], as_given, vectors[:, :-NUM_NOISE])

@@ -125,6 +125,11 @@ class AbstractProposal(Protocol):
         """Return the log density of vectors from elsewhere [nat]."""
         ...
 
+    @property
+    def latest(self) -> AbstractProposal:
+        """It with the last of its densities of the noise."""
+        ...
+
 
 @dataclass(frozen=True)
 class Weighted:

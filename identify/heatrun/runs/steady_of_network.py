@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import jax
 import numpy as np
+from jaxtyping import Float
 
 from lptn import Drive, steady_state
 from lptn.inputs import SIGNALS
@@ -59,15 +61,15 @@ def steady_of_network(found: Prediction, stretch: Stretch) -> SteadyNetwork | No
     if not late.any() or not read.any():
         return None
     means = {
-        name: np.mean(np.asarray(values)[late])
+        name: float(np.mean(np.asarray(values)[late]))
         for name in SIGNALS
         if (values := getattr(inputs, name)) is not None
     }
     held = Drive.constant(
-        **means, time=np.mean(clock[late] - found.test.first_s),
+        **means, time=float(np.mean(clock[late] - found.test.first_s)),
         rated_speed=inputs.rated_speed, rated_current=inputs.rated_current,
     )  # fmt: skip
-    winding = np.mean(found.test.measured[read])
+    winding = np.asarray(np.mean(found.test.measured[read]))
     values = {n: np.asarray(draws[:NUM_DRAWS]) for n, draws in found.values.items()}
     draws = _rest(found.model, values, held, winding)
     nodes = {node: np.asarray(each) for node, each in draws.items()}
@@ -87,7 +89,7 @@ def steady_of_network(found: Prediction, stretch: Stretch) -> SteadyNetwork | No
 
 @compiled("model", is_seldom=True)
 def _rest(
-    model: Model, values: dict[str, jax.Array], held: Drive, winding: jax.Array
+    model: Model, values: dict[str, Float[Any, " draw"]], held: Drive, winding: Float[Any, ""]
 ) -> dict[str, jax.Array]:
     """Return the steady state of each draw [degC]."""
 
