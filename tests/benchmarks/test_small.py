@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+from profile_calibrate import PHASES
 from rows import Row, duration, markdown
 
 
@@ -33,6 +35,12 @@ def test_the_whole_benchmark_runs_in_small():
                  "complete fit, warm", "emcee 64 x 2000 on blocks", "samples, likelihood of 1,",
                  "--help of the slowest command"):  # fmt: skip
         assert f"| {what}" in table
+
+
+def test_what_the_profile_measures_is_there():
+    for place in PHASES.values():
+        module, name = place.rsplit(".", 1)
+        assert hasattr(import_module(module), name), place
 
 
 def test_a_missed_target_says_by_how_much():
