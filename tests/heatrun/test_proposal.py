@@ -17,13 +17,14 @@ from heatrun.model.kernels import Kernels
 from heatrun.model.model import Model
 from heatrun.model.problem import Problem
 from heatrun.motor.file import load_motor
-from heatrun.posterior import rto as rounds_module
+from heatrun.posterior import rounds as rounds_module
 from heatrun.posterior import rto as rto_module
 from heatrun.posterior.fit_checks import holding_heat
 from heatrun.posterior.importance import importance_sample, linear_sample
 from heatrun.posterior.posterior import sample
 from heatrun.posterior.proposal import Proposal
-from heatrun.posterior.rto import Rto, Several, covered, sample_rto
+from heatrun.posterior.rounds import Several, covered, sample_rto
+from heatrun.posterior.rto import LEAST_KEPT, NUM_TRIED, Noises, Rto
 from heatrun.posterior.weighted import Weighted, evaluate, truncated
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
@@ -168,7 +169,7 @@ def of_short(short):
 
 @pytest.fixture(scope="module")
 def rto(short, of_short):
-    return Rto.around(short, short.z, of_short)
+    return Rto.around(short, short.z, of_short, np.random.default_rng(7))
 
 
 @pytest.fixture(scope="module")
@@ -211,15 +212,39 @@ def test_the_proposal_is_a_normalised_density(rto, short, rng8, num):
     assert_normalised(rto, rto.draw(num, rng8), short, rng8)
 
 
+def test_noises_that_the_linear_model_finds_unlikely_are_mostly_left_out(rto, rng8):
+    """Those that are kept count more alike, and their law is the one that is told."""
+    kernels = rto.noises[0].kernels
+    tried, (kept, linear) = kernels.draw(2048, rng8), rto._noise(1024, rng8)
+    plain = rto._linear(tried).log_density - kernels.log_densities(tried)
+    better = linear.log_density - rto.log_noise(kept, linear.log_density)
+    assert alike(better) > 1.5 * alike(plain)
+    told = rto.log_noise(tried, rto._linear(tried).log_density) - kernels.log_densities(tried)
+    share = np.exp(told)
+    assert abs(share.mean() - 1.0) < ERRORS * share.std() * np.sqrt(1 / 2048 + 1 / NUM_TRIED)
+
+
+def alike(log_weight):
+    """Effective share of draws with these weights."""
+    weight = np.exp(log_weight - np.nanmax(log_weight))
+    return np.nansum(weight) ** 2 / np.nansum(weight**2) / weight.size
+
+
+def test_where_the_linear_model_says_nothing_some_noises_are_kept_all_the_same(of_short):
+    law = Noises.of(of_short, np.full(50, np.nan))
+    assert np.exp(law.log_chance(np.array([np.nan, -1e4]))) == pytest.approx(LEAST_KEPT)
+    assert np.exp(law.log_share) == pytest.approx(LEAST_KEPT)
+
+
 def test_a_linear_model_is_drawn_as_it_is(fitted, rng8):
     """Half an hour's step hardly bends: the weights given the noise are nearly equal."""
     noise_z = np.tile(fitted.noise_z, (300, 1))
     still = Kernels.over(
         noise_z + 1e-6 * rng8.standard_normal(noise_z.shape), np.full(300, 1 / 300), rng8
     )
-    rto = Rto.around(fitted, fitted.z, still)
+    rto = Rto.around(fitted, fitted.z, still, rng8)
     white = rng8.standard_normal((200, fitted.z.size))
-    value, factor = rto._linear(noise_z[:200])
+    value, factor, _ = rto._linear(noise_z[:200])
     behind = rto_module._solve(factor, value)
     start = fitted.z + rto_module._solve(np.swapaxes(factor, 1, 2), white - behind)
     wanted = (factor @ white[..., None])[..., 0]
@@ -262,7 +287,7 @@ def test_two_centres_give_one_law(short, of_short, followed, rng8, num):
     """What is drawn does not depend on where the model was linearised."""
     first = followed
     sd = moments(first).sd
-    aside = Rto.around(short, short.z + 0.5 * sd[: short.z.size], of_short)
+    aside = Rto.around(short, short.z + 0.5 * sd[: short.z.size], of_short, rng8)
     drawn = aside.draw(num, rng8)
     second = Weighted.of(drawn.vectors, evaluate(short, drawn.vectors), drawn.log_density, aside)
     one, other = moments(first), moments(second)
@@ -306,7 +331,7 @@ def test_an_optimum_that_no_draw_came_near_is_noticed(rto, short, rng8):
     found = Weighted.of(drawn.vectors, evaluate(short, drawn.vectors), drawn.log_density, rto)
     assert np.all(covered(short, found))
     far = short.noise_z + 1.5 + 0.05 * rng8.standard_normal((50, short.noise_z.size))
-    aside = replace(rto, kernels=(Kernels.over(far, np.full(50, 0.02), rng8),))
+    aside = rto.over(Kernels.over(far, np.full(50, 0.02), rng8), rng8)
     drawn = aside.draw(512, rng8)
     found = Weighted.of(drawn.vectors, evaluate(short, drawn.vectors), drawn.log_density, aside)
     away = replace(short, modes=short.z[None])
@@ -339,7 +364,7 @@ def test_draws_around_two_optima_give_the_law_that_those_around_one_give(
 
 @pytest.mark.parametrize("num", [512, pytest.param(2048, marks=SLOW)])
 def test_a_proposal_around_two_optima_is_a_normalised_density(rto, short, of_short, rng8, num):
-    aside = Rto.around(short, short.z + 0.1, of_short)
+    aside = Rto.around(short, short.z + 0.1, of_short, rng8)
     several = Several((rto, aside), np.array([0.3, 0.7]))
     drawn = several.draw(num, rng8)
     is_found = np.isfinite(drawn.log_density)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..fit.fit_result import Fit
 from .proposal import Drawn, Proposal
-from .rto import sample_rto
+from .rounds import sample_rto
 from .weighted import Weighted, evaluate, truncated
 
 NUM_ADAPTATIONS = 5

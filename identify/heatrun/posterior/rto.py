@@ -20,15 +20,15 @@ Reference: J. M. Bardsley, A. Solonen, H. Haario, M. Laine, Randomize-then-optim
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+import math
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 from scipy.special import logsumexp
 
 from ..fit.fit_result import Fit
@@ -37,11 +37,10 @@ from ..io.programs import compiled
 from ..model.kernels import Kernels, at_once, in_batches, log_student, student
 from ..model.noise import LARGEST_SCORES
 from ..model.problem import NUM_NOISE, Data, Structure, linearise, residuals
-from .weighted import Weighted, evaluate, truncated
 
-FREEDOM = 30.0
+FREEDOM = 100.0
 """Degrees of freedom of the draws: hardly more than normal tails, for a linear model's are those of
-the posterior [1]."""
+the posterior [1]. With 30 of them the draws of 26 parameters were a third less alike."""
 
 MOST_STEPS, MOST_SLOPES = 12, 5
 """Steps to where the model has the drawn s, of Broyden's and then of Newton's method: what these
@@ -53,6 +52,77 @@ density is that of the one that was found."""
 
 AT_A_TIME = 16
 """Draws that a thread takes at a time."""
+
+
+KEPT = 0.5
+"""Share of the noises from the kernels that are kept [1]: the fewer, the more alike they count, but
+what the linear model says of a noise takes a tenth of the time of following the model."""
+
+LEAST_KEPT = 0.05
+"""Chance of a noise that the linear model finds hopeless [1]: it may be wrong."""
+
+NUM_TRIED = 512
+"""Noises that tell from which level on they are kept."""
+
+
+@dataclass(frozen=True)
+class Noises:
+    """Noises from kernels, of which those are kept that the linear model finds likely.
+
+    Attributes:
+        kernels: What they are drawn from.
+        level: Log of the ratio of the two densities from which on each is kept [nat].
+        log_share: Log of the share that is kept [nat].
+
+    Reference: J. S. Liu, R. Chen, W. H. Wong, Rejection Control and Sequential Importance Sampling,
+        Journal of the American Statistical Association 93 (1998) 1022-1031.
+    """
+
+    kernels: Kernels
+    level: float
+    log_share: float
+
+    @classmethod
+    def of(cls, kernels: Kernels, log_ratio: Float[np.ndarray, " tried"]) -> Noises:
+        """Return them with the level that keeps the share that is wanted.
+
+        Args:
+            kernels: What they are drawn from.
+            log_ratio: Of draws from them, what `log_chance` takes [nat].
+        """
+        finite = np.sort(log_ratio[np.isfinite(log_ratio)])
+        levels = finite if finite.size else np.zeros(1)
+        shares = np.mean(np.exp(_log_chance(log_ratio - levels[:, None])), axis=1)
+        place = max(np.searchsorted(-shares, -KEPT, side="right") - 1, 0)
+        return cls(kernels, float(levels[place]), float(np.log(shares[place])))
+
+    def log_chance(self, log_ratio: Float[np.ndarray, " draw"]) -> Float[np.ndarray, " draw"]:
+        """Return the log of the chance that noises are kept [nat].
+
+        Args:
+            log_ratio: Log density of the noise alone under the linear model, up to a constant, less
+                that under the kernels [nat].
+        """
+        return _log_chance(log_ratio - self.level)
+
+
+def _log_chance(log_ratio: Float[np.ndarray, "*draw"]) -> Float[np.ndarray, "*draw"]:
+    chance = np.clip(np.where(np.isnan(log_ratio), -np.inf, log_ratio), np.log(LEAST_KEPT), 0.0)
+    return np.asarray(chance)
+
+
+class _Linear(NamedTuple):
+    """What the linear model says of noises.
+
+    Attributes:
+        value: s at the centre.
+        factor: Lower Cholesky factor of the covariance of s.
+        log_density: Of the noise alone, up to a constant [nat].
+    """
+
+    value: Float[np.ndarray, "draw parameter"]
+    factor: Float[np.ndarray, "draw parameter parameter"]
+    log_density: Float[np.ndarray, " draw"]
 
 
 class _Seen(NamedTuple):
@@ -75,10 +145,12 @@ class Drawn:
         vectors: Scores of parameters and noise; where no place has the drawn s, the optimum with an
             infinite density, so that it weighs nothing.
         log_density: Of the proposal [nat].
+        restricted: Log density of the noise alone under the linear model, if there is one [nat].
     """
 
     vectors: Float[np.ndarray, "draw all"]
     log_density: Float[np.ndarray, " draw"]
+    restricted: Float[np.ndarray, " draw"]
 
 
 @dataclass(frozen=True)
@@ -90,60 +162,102 @@ class Rto:
         centre: Scores at which the model is linearised for s: the optimum, or the mean of draws.
         residual: Residuals there, all tests in a row [K].
         jacobian: Their derivative [K per score].
-        kernels: Densities of the noise, which count alike.
+        noises: Laws of the noise, which count alike.
     """
 
     fit: Fit
     centre: Float[np.ndarray, " parameter"]
     residual: Float[np.ndarray, " block"]
     jacobian: Float[np.ndarray, "block parameter"]
-    kernels: tuple[Kernels, ...]
+    noises: tuple[Noises, ...] = ()
 
     @classmethod
-    def around(cls, fit: Fit, centre: Float[np.ndarray, " parameter"], kernels: Kernels) -> Rto:
+    def around(
+        cls,
+        fit: Fit,
+        centre: Float[np.ndarray, " parameter"],
+        kernels: Kernels,
+        rng: np.random.Generator,
+    ) -> Rto:
         """Return it with the model linearised at a place, and with a density of the noise."""
         problem = fit.problem
         residual, jacobian = linearise(problem.structure, problem.data, centre)
-        return cls(fit, centre, np.asarray(residual), np.asarray(jacobian), (kernels,))
+        return cls(fit, centre, np.asarray(residual), np.asarray(jacobian)).over(kernels, rng)
+
+    def over(self, kernels: Kernels, rng: np.random.Generator) -> Rto:
+        """Return it with another density of the noise."""
+        tried = kernels.draw(NUM_TRIED, rng)
+        ratio = self._linear(tried).log_density - kernels.log_densities(tried)
+        return replace(self, noises=(Noises.of(kernels, ratio),))
 
     def draw(self, num: int, rng: np.random.Generator) -> Drawn:
         """Return draws."""
-        which = rng.integers(len(self.kernels), size=num)
-        drawn = np.stack([each.draw(num, rng) for each in self.kernels])
-        noise_z = drawn[which, np.arange(num)]
+        noise_z, linear = self._noise(num, rng)
         white = student(num, self.centre.size, rng, FREEDOM)
-        value, factor = self._linear(noise_z)
-        wanted = _times(factor, white)
-        start = self.centre + _solve(np.swapaxes(factor, 1, 2), white - _solve(factor, value))
-        z, seen = self._solved(start, noise_z, wanted, factor)
-        given = _log_density(seen, factor)
+        wanted = _times(linear.factor, white)
+        step = _solve(np.swapaxes(linear.factor, 1, 2), white - _solve(linear.factor, linear.value))
+        z, seen = self._solved(self.centre + step, noise_z, wanted, linear.factor)
+        given = _log_density(seen, linear.factor)
         vectors = np.concatenate([z, noise_z], axis=1)
         is_found = np.isfinite(given) & np.all(np.isfinite(vectors), axis=1)
         vectors = np.where(is_found[:, None], vectors, self.fit.vector)
         given = np.where(is_found, given, np.inf)
-        return Drawn(vectors, given + self.log_noise(noise_z))
+        log_density = given + self.log_noise(noise_z, linear.log_density)
+        return Drawn(vectors, log_density, linear.log_density)
+
+    def _noise(self, num: int, rng: np.random.Generator) -> tuple[np.ndarray, _Linear]:
+        """Return draws of the noise, in an order by chance, and what the linear model says."""
+        rows, counts = [], rng.multinomial(num, np.full(len(self.noises), 1 / len(self.noises)))
+        for law, wanted in zip(self.noises, counts, strict=True):
+            while wanted:
+                tried = law.kernels.draw(math.ceil(1.1 * wanted / np.exp(law.log_share)), rng)
+                linear = self._linear(tried)
+                ratio = linear.log_density - law.kernels.log_densities(tried)
+                is_kept = np.log(rng.uniform(size=len(tried))) < law.log_chance(ratio)
+                kept = np.flatnonzero(is_kept)[:wanted]
+                rows.append((tried[kept], *(part[kept] for part in linear)))
+                wanted -= len(kept)
+        order = rng.permutation(num)
+        noise_z, *linear = (np.concatenate(part)[order] for part in zip(*rows, strict=True))
+        return noise_z, _Linear(*linear)
 
     def log_density(self, vectors: Float[np.ndarray, "draw all"]) -> Float[np.ndarray, " draw"]:
         """Return the log density of vectors from elsewhere [nat]."""
-        return self.log_given(vectors) + self.log_noise(vectors[:, -NUM_NOISE:])
+        given, restricted = self.log_given(vectors)
+        return given + self.log_noise(vectors[:, -NUM_NOISE:], restricted)
 
-    def log_given(self, vectors: Float[np.ndarray, "draw all"]) -> Float[np.ndarray, " draw"]:
-        """Return the log density of the parameters given the noise [nat]."""
+    def log_given(
+        self, vectors: Float[np.ndarray, "draw all"]
+    ) -> tuple[Float[np.ndarray, " draw"], Float[np.ndarray, " draw"]]:
+        """Return the log density of the parameters given the noise, and that of the noise alone
+        under the linear model [nat].
+        """
         z, noise_z = vectors[:, :-NUM_NOISE], vectors[:, -NUM_NOISE:]
-        given = _log_density(self._seen(z, noise_z), self._linear(noise_z)[1])
-        return np.where(np.isfinite(given), given, -np.inf)
+        linear = self._linear(noise_z)
+        given = _log_density(self._seen(z, noise_z), linear.factor)
+        return np.where(np.isfinite(given), given, -np.inf), linear.log_density
 
-    def log_noise(self, noise_z: Float[np.ndarray, "draw noise"]) -> Float[np.ndarray, " draw"]:
-        """Return the log density of the noise [nat]."""
-        parts = [each.log_densities(noise_z) for each in self.kernels]
+    def log_noise(
+        self, noise_z: Float[np.ndarray, "draw noise"], restricted: Float[np.ndarray, " draw"]
+    ) -> Float[np.ndarray, " draw"]:
+        """Return the log density of the noise [nat].
+
+        Args:
+            noise_z: Its scores.
+            restricted: Its log density under the linear model [nat].
+        """
+        parts = []
+        for law in self.noises:
+            drawn = law.kernels.log_densities(noise_z)
+            parts.append(drawn + law.log_chance(restricted - drawn) - law.log_share)
         return np.asarray(logsumexp(parts, axis=0)) - np.log(len(parts))
 
     @property
     def latest(self) -> Rto:
-        """It with the last density of the noise alone, which all draws before have gone into: as
-        good to move walkers with, and many times as fast.
+        """It with the last law of the noise alone, which all draws before have gone into: as good
+        to move walkers with, and many times as fast.
         """
-        return replace(self, kernels=self.kernels[-1:])
+        return replace(self, noises=self.noises[-1:])
 
     def _solved(
         self,
@@ -237,14 +351,18 @@ class Rto:
         )
         return _solve(factor, value - wanted)
 
-    def _linear(self, noise_z: Float[np.ndarray, "draw noise"]) -> tuple[np.ndarray, np.ndarray]:
-        """Return s at the centre, and the lower Cholesky factor of its covariance."""
+    def _linear(self, noise_z: Float[np.ndarray, "draw noise"]) -> _Linear:
+        """Return what the linear model says of noises."""
         data = self.fit.problem.data
-        products = in_batches(
+        products, log_sd = in_batches(
             partial(_many_products, data, self.residual, self.jacobian), noise_z, AT_A_TIME
         )
         size = self.centre.size
-        return products[:, 1:, 0] + self.centre, _factors(products[:, 1:, 1:] + np.eye(size))
+        value = products[:, 1:, 0] + self.centre
+        factor = _factors(products[:, 1:, 1:] + np.eye(size))
+        fitted = np.sum(_solve(factor, value) ** 2, axis=1)
+        squares = products[:, 0, 0] + np.sum(self.centre**2) - fitted + np.sum(noise_z**2, axis=1)
+        return _Linear(value, factor, -0.5 * squares - log_sd - _log_det(factor))
 
     def _seen(
         self, z: Float[np.ndarray, "draw parameter"], noise_z: Float[np.ndarray, "draw noise"]
@@ -307,8 +425,8 @@ def _many_products(
     residual: Float[Array, " block"],
     jacobian: Float[Array, "block parameter"],
     noise_z: Float[Array, "draw noise"],
-) -> Float[Array, "draw product product"]:
-    return jax.vmap(lambda each: inner_products(data, each, residual, jacobian)[0])(noise_z)
+) -> tuple[Float[Array, "draw product product"], Float[Array, " draw"]]:
+    return jax.vmap(lambda each: inner_products(data, each, residual, jacobian))(noise_z)
 
 
 def _log_density(
@@ -320,9 +438,13 @@ def _log_density(
     squares = np.sum(_solve(factor, seen.value) ** 2, axis=1)
     with np.errstate(invalid="ignore"):  # of places without an answer
         sign, log_det = np.linalg.slogdet(seen.slope)
-    log_sd = np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1)
-    found = np.asarray(log_student(squares, seen.value.shape[1], FREEDOM)) + log_det - log_sd
+    found = np.asarray(log_student(squares, seen.value.shape[1], FREEDOM))
+    found = found + log_det - _log_det(factor)
     return np.where(sign > 0.0, found, np.where(np.isnan(found), np.nan, -np.inf))
+
+
+def _log_det(factor: Float[np.ndarray, "draw row row"]) -> Float[np.ndarray, " draw"]:
+    return np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1)
 
 
 def _factors(
@@ -355,190 +477,3 @@ def _times(
     matrices: Float[np.ndarray, "draw row column"], vectors: Float[np.ndarray, "draw column"]
 ) -> Float[np.ndarray, "draw row"]:
     return (matrices @ vectors[..., None])[..., 0]
-
-
-NUM_DRAWS = 512
-"""Draws of a round."""
-
-LEARNING = 4
-"""Rounds, at most, after each of which the model is linearised anew at the mean of the draws."""
-
-GOOD = 0.1
-"""Effective sample size over draws with which no other place is looked for [1]."""
-
-MOST_ROUNDS = 16
-"""Rounds around an optimum whose draws count, at most."""
-
-
-def sample_rto(fit: Fit, kernels: Kernels, rng: np.random.Generator) -> Weighted | None:
-    """Return importance samples that follow the posterior, as many as make them sound.
-
-    Draws around one optimum do not pass a fold of the model, behind which another optimum may lie.
-    So an optimum that no draw came near is drawn around too, and each draw counts with the mean
-    density of all proposals.
-
-    Args:
-        fit: The optima.
-        kernels: Density of the noise.
-        rng: Of the draws.
-
-    Returns:
-        The draws, or None where they leave out an optimum of the fit.
-
-    Reference: V. Elvira, L. Martino, D. Luengo, M. F. Bugallo, Generalized Multiple Importance
-        Sampling, Statistical Science 34 (2019) 129-155.
-    """
-    around = [_learned(fit, fit.z, kernels, rng)]
-    found = around[0][0].weighted
-    if not np.any(found.weights):
-        return None
-    for number, mode in enumerate(fit.modes):
-        if not covered(fit, found)[number]:
-            around.append(_learned(fit, mode, kernels, rng))
-            found = _pooled(around)
-    for _ in range(MOST_ROUNDS - 1):
-        if found.is_sound or found.is_beyond_hope or not np.any(found.weights):
-            break
-        noise_z = Kernels.over(found.vectors[:, -NUM_NOISE:], truncated(found.weights), rng)
-        for part in around:
-            part.append(_Round.of(replace(part[0].proposal, kernels=(noise_z,)), rng))
-        found = _pooled(around)
-    return found if np.all(covered(fit, found)) else None
-
-
-def covered(fit: Fit, weighted: Weighted) -> Bool[np.ndarray, " mode"]:
-    """Return whether draws were made around each optimum of a fit.
-
-    Where hardly any are made, one would weigh more than any that was.
-    """
-    optima = np.concatenate([fit.modes, np.tile(fit.noise_z, (len(fit.modes), 1))], axis=1)
-    weight = evaluate(fit, optima) - weighted.proposal.log_density(optima) - weighted.log_evidence
-    return weight < np.log(weighted.weights.size * np.max(weighted.weights))
-
-
-@dataclass(frozen=True)
-class Several:
-    """Proposals around several optima.
-
-    Attributes:
-        parts: One for each.
-        shares: Shares of the draws [1].
-    """
-
-    parts: tuple[Rto, ...]
-    shares: Float[np.ndarray, " part"]
-
-    def draw(self, num: int, rng: np.random.Generator) -> Drawn:
-        """Return draws, those of the parts in an order by chance."""
-        counts = rng.multinomial(num, self.shares)
-        drawn = [part.draw(k, rng) for part, k in zip(self.parts, counts, strict=True) if k]
-        order = rng.permutation(num)
-        vectors = np.concatenate([each.vectors for each in drawn])[order]
-        own = np.concatenate([each.log_density for each in drawn])[order]
-        return Drawn(vectors, np.where(np.isfinite(own), self.log_density(vectors), own))
-
-    def log_density(self, vectors: Float[np.ndarray, "draw all"]) -> Float[np.ndarray, " draw"]:
-        """Return the log density of vectors from elsewhere [nat]."""
-        return self.mean([part.log_density(vectors) for part in self.parts])
-
-    @property
-    def latest(self) -> Several:
-        """As `Rto.latest`."""
-        return replace(self, parts=tuple(part.latest for part in self.parts))
-
-    def mean(self, log_densities: Sequence[np.ndarray]) -> Float[np.ndarray, " draw"]:
-        """Return the log density of vectors from that of each part [nat]."""
-        rows = np.stack(log_densities) + np.log(self.shares)[:, None]
-        return np.asarray(logsumexp(rows, axis=0))
-
-
-@dataclass(frozen=True)
-class _Round:
-    """Draws from one proposal.
-
-    Attributes:
-        proposal: The proposal.
-        drawn: The draws.
-        weighted: The same with their weights.
-        elsewhere: Log density of the draws given their noise around other optima, by the place of
-            those [nat]; filled in where it is asked for.
-    """
-
-    proposal: Rto
-    drawn: Drawn
-    weighted: Weighted
-    elsewhere: dict[int, Float[np.ndarray, " draw"]] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, proposal: Rto, rng: np.random.Generator) -> _Round:
-        """Draw."""
-        drawn = proposal.draw(NUM_DRAWS, rng)
-        log_posterior = evaluate(proposal.fit, drawn.vectors)
-        return cls(
-            proposal,
-            drawn,
-            Weighted.of(drawn.vectors, log_posterior, drawn.log_density, proposal),
-        )
-
-
-def _learned(
-    fit: Fit, optimum: Float[np.ndarray, " parameter"], kernels: Kernels, rng: np.random.Generator
-) -> list[_Round]:
-    """Return the best of a few rounds around one optimum, each from where the last one leads, as
-    long as that is better.
-    """
-    rounds = [_Round.of(Rto.around(fit, optimum, kernels), rng)]
-    while len(rounds) < LEARNING and rounds[-1].weighted.effective_size < GOOD * NUM_DRAWS:
-        weights = truncated(rounds[-1].weighted.weights)
-        sizes = [each.weighted.effective_size for each in rounds]
-        if not np.any(weights) or sizes[-1] < max(sizes):
-            break
-        vectors = rounds[-1].drawn.vectors
-        noise_z = Kernels.over(vectors[:, -NUM_NOISE:], weights, rng)
-        mean = weights @ vectors[:, :-NUM_NOISE]
-        rounds.append(_Round.of(Rto.around(fit, mean, noise_z), rng))
-    return [max(rounds, key=lambda each: each.weighted.effective_size)]
-
-
-def _pooled(around: Sequence[Sequence[_Round]]) -> Weighted:
-    """Return the draws of rounds around one or several optima, each with the mean density of all
-    proposals.
-    """
-    parts = tuple(_joined(rounds) for rounds in around)
-    counts = np.array([len(rounds) for rounds in around], dtype=float)
-    proposal = parts[0] if len(parts) == 1 else Several(parts, counts / np.sum(counts))
-    rounds = [(place, each) for place, part in enumerate(around) for each in part]
-    densities = []
-    for place, each in rounds:
-        own = _density(parts[place], each)
-        if isinstance(proposal, Several):
-            own = proposal.mean([
-                own if other == place else _density_elsewhere(parts[other], other, each)
-                for other in range(len(parts))
-            ])  # fmt: skip
-        densities.append(own)
-    vectors = np.concatenate([each.drawn.vectors for _, each in rounds])
-    log_posterior = np.concatenate([each.weighted.log_density for _, each in rounds])
-    return Weighted.of(vectors, log_posterior, np.concatenate(densities), proposal)
-
-
-def _joined(rounds: Sequence[_Round]) -> Rto:
-    """Return the proposal of all rounds around one optimum."""
-    kernels = tuple(kernel for each in rounds for kernel in each.proposal.kernels)
-    return replace(rounds[0].proposal, kernels=kernels)
-
-
-def _density(joined: Rto, own: _Round) -> Float[np.ndarray, " draw"]:
-    """Return the log density of a round's draws by all rounds around its optimum [nat], which share
-    that given the noise.
-    """
-    noise_z = own.drawn.vectors[:, -NUM_NOISE:]
-    return own.drawn.log_density - own.proposal.log_noise(noise_z) + joined.log_noise(noise_z)
-
-
-def _density_elsewhere(other: Rto, place: int, drawn: _Round) -> Float[np.ndarray, " draw"]:
-    """Return that of draws by the rounds around another optimum [nat]."""
-    vectors = drawn.drawn.vectors
-    if place not in drawn.elsewhere:
-        drawn.elsewhere[place] = other.log_given(vectors)
-    return drawn.elsewhere[place] + other.log_noise(vectors[:, -NUM_NOISE:])
