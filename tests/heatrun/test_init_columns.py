@@ -420,24 +420,47 @@ def test_what_is_chosen_stands_in_the_draft(surveys):
 OHM = 4.0 * (234.5 + WINDING) / 254.5
 
 
-@pytest.mark.parametrize("names", [("U [V]", "I [A]"), ("coil voltage", "current"), ("Uw", "Iw")])
+@pytest.mark.parametrize(
+    "names",
+    [("U [V]", "I [A]"), ("coil voltage", "current"), ("Uw", "Iw"), ("U_dc [V]", "I_dc [A]")],
+)
 @pytest.mark.parametrize("amperes", [ZERO + 1.5, CURRENT / 60.0, 10.0 / OHM])
 def test_voltage_over_current_that_warms_is_that_of_a_winding(tmp_path, names, amperes):
     """Direct current that is held, switched, or falls as the coil warms at one voltage."""
     columns = dict(zip(names, (OHM * amperes, amperes), strict=True))
-    path = named(tmp_path, {"time_s": TIME_S, "T_Raum [degC]": ROOM} | columns)
+    path = named(tmp_path, {"time_s": TIME_S, "T_Raum [degC]": ROOM + 1.0} | columns)
     text = text_of(path)
     (side,) = offered(text, "winding_voltage_V")
-    assert "ohm, as copper that warms" in note_on(text, side)
+    assert "ohm, as copper that warms" in note_on(text, f'winding_voltage_V = "{side}')
     assert "# mechanical_power_W =" in text  # the power that goes in, less that of a shaft
-    accepted = draft("coil", [survey(path)], is_accepted=True)
-    head = "phases = 1\n[winding]\nphase_resistance_ohm = 4.0\nreference_temperature_degC = 20\n"
-    motor = accepted.replace("\n[winding]\n", f"\n{head}", 1)
-    record = read_test(path, parse_motor(motor.encode(), "motor.toml"))
+    motor = parse_motor(draft("coil", [survey(path)], is_accepted=True).encode(), "motor.toml")
+    assert motor.phases == 1
+    record = read_test(path, motor)
     flows = np.isfinite(record["winding_degC"])
     assert flows.sum() > 200
-    # six digits of the file; the offset of the idle current is no load
-    np.testing.assert_allclose(record["winding_degC"][flows], WINDING[flows], atol=0.02)
+    # by the resistance at the start, where the coil is as cold as the room, whose sensor has 0.2 K
+    np.testing.assert_allclose(record["winding_degC"][flows], WINDING[flows], atol=0.4)
+
+
+@pytest.mark.parametrize(
+    ("beside", "is_told"),
+    [({}, False), ({"T_Raum [degC]": ROOM}, True),
+     ({"T_Raum [degC]": ROOM, "housing [degC]": ROOM + 8.0}, False)],
+    ids=["no room", "cold", "warm housing"],
+)  # fmt: skip
+def test_the_cold_resistance_is_that_of_the_start_where_the_machine_is_cold(
+    tmp_path, beside, is_told
+):
+    columns = {"time_s": TIME_S, "U [V]": OHM * 1.5, "I [A]": ZERO + 1.5, **beside}
+    accepted = draft("coil", [survey(named(tmp_path, columns))], is_accepted=True)
+    assert ("phase_resistance_ohm = 4.0" in accepted) == is_told
+    assert ("# phase_resistance_ohm =" in accepted) != is_told
+
+
+def test_the_link_of_a_drive_that_turns_is_no_winding(tmp_path):
+    columns = {"U_dc [V]": OHM * 1.5, "I_dc [A]": ZERO + 1.5, "speed [rpm]": ZERO + 900.0}
+    path = named(tmp_path, {"time_s": TIME_S, "T_Raum [degC]": ROOM} | columns)
+    assert offered(text_of(path), "winding_voltage_V") == []
 
 
 SUPPLY = ZERO + 48.0

@@ -19,7 +19,14 @@ from ..record.channels import CHANNEL, REQUIRED
 from ..record.record import ColumnReading
 from ..version import __version__
 from .free_columns import FreeColumn, flat
-from .gaps import LONGEST_LINE, Gap, found_resistance, gaps, stated_resistance
+from .gaps import (
+    LONGEST_LINE,
+    Gap,
+    found_resistance,
+    gaps,
+    stated_resistance,
+    under_direct_current,
+)
 from .survey import Survey
 
 NONE = "none"
@@ -148,6 +155,10 @@ def draft(
     unsaid = [gap for gap in missing if (gap.channel or gap.key) not in numbers]
     head = _head(surveys, [gap for gap in unsaid if not (is_accepted and gap.is_answered)])
     motor = ["", "[motor]", f"name = {toml_text(name.strip() or 'motor')}", INSULATION]
+    direct = [column for one in surveys for column, _ in under_direct_current(one)]
+    if direct:
+        words = f"'{flat(direct[0].name)}' is that of one winding under direct current"
+        motor.append(_value("phases", "1", words, mark))
     winding = ["", "[winding]", *_winding(surveys, missing, mark)]
     constants = ["", "[constants]", *_constants(missing, mark)]
     recognised = ["", "[columns]", *_remarks(surveys)]

@@ -71,11 +71,14 @@ class Evidence:
         speaks: For the channel, or against it.
         words: Why.
         is_alone: For this channel and no other.
+        cold: Resistance [ohm] that a winding began with and the room's temperature then [degC];
+            None where it is no winding's voltage, or something was not as cold as the room.
     """
 
     speaks: bool
     words: str
     is_alone: bool = False
+    cold: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -360,6 +363,7 @@ def with_evidence(
             products,
             loads[:MOST_LOADS],
             [] if is_turning else currents[:MOST_LOADS],
+            room_at_first(known),
         )
         for one in free
     ]
@@ -503,6 +507,7 @@ def _looked_at(
     products: Mapping[str, np.ndarray],
     loads: Sequence[tuple[str, np.ndarray]],
     currents: Sequence[tuple[str, np.ndarray]],
+    room_degC: float | None,
 ) -> FreeColumn:
     if values is None or column.course is None:
         return column
@@ -513,7 +518,7 @@ def _looked_at(
             return replace(column, evidence={**column.evidence, **found})
         if one.channel == "winding_voltage_V":
             volts = _converted(values, one.channel, one.unit)
-            return replace(column, evidence=_voltage_evidence(volts, currents))
+            return replace(column, evidence=_voltage_evidence(volts, currents, room_degC))
     is_unknown = _is_unknown(column)
     may_warm = is_unknown and _may_be_a_temperature(column.course)
     if not may_warm and not any(one.channel == "winding_degC" for one in column.proposals):
@@ -529,15 +534,48 @@ def _looked_at(
     return column
 
 
+FIRST = 10
+"""Readings that tell the start."""
+
+AS_COLD_K = 2.0
+"""How far what is as cold as the room may read from it [K]."""
+
+
+def room_at_first(known: Mapping[str, np.ndarray]) -> float | None:
+    """Return the room's temperature at the start [degC], None where another one differs from it.
+
+    Args:
+        known: Channels and what they hold, in their units, shape (time,).
+    """
+    first = {
+        name: float(np.nanmedian(values[:FIRST]))
+        for name, values in known.items()
+        if CHANNEL[name].quantity == "temperature" and np.isfinite(values[:FIRST]).any()
+    }
+    room = first.pop("ambient_degC", None)
+    is_cold = room is not None and all(abs(one - room) < AS_COLD_K for one in first.values())
+    return room if is_cold else None
+
+
+def _at_first(ohm: np.ndarray) -> float | None:
+    """Return the resistance [ohm] with which a winding began that warms from then on."""
+    flows = np.flatnonzero(np.isfinite(ohm))[:FIRST]
+    if flows.size < FIRST or flows[-1] > flows[0] + 2 * FIRST:
+        return None
+    return float(np.polyfit(flows - flows[0], ohm[flows], 1)[1])
+
+
 def _voltage_evidence(
-    volts: np.ndarray, currents: Sequence[tuple[str, np.ndarray]]
+    volts: np.ndarray, currents: Sequence[tuple[str, np.ndarray]], room_degC: float | None
 ) -> dict[str, Evidence]:
     """Return what a voltage [V] says of itself as that of a winding under direct current."""
     for name, amperes in currents:
         ohm = warm_resistance(volts, amperes)
         if ohm is not None:
             words = f"over '{name}' it is {ohm[0]:.4g} … {ohm[1]:.4g} ohm, as copper that warms"
-            return {"winding_voltage_V": Evidence(True, words, is_alone=True)}
+            first = _at_first(quotient(volts, amperes))
+            cold = None if room_degC is None or first is None else (first, room_degC)
+            return {"winding_voltage_V": Evidence(True, words, is_alone=True, cold=cold)}
     return {"winding_voltage_V": Evidence(False, "over no current a resistance that warms")}
 
 
@@ -567,6 +605,47 @@ def warm_resistance(volts: np.ndarray, amperes: np.ndarray) -> tuple[float, floa
         return None
     is_cold_first = ohm[flows][0] < low + MOST_JUMP * (high - low)
     return (float(low), float(high)) if is_cold_first or warms_with(ohm, current) else None
+
+
+def of_a_winding(
+    volts: FreeColumn,
+    current: FreeColumn,
+    values: Mapping[str, np.ndarray],
+    readings: Sequence[ColumnReading],
+) -> tuple[FreeColumn, FreeColumn] | None:
+    """Return voltage and direct current of a winding as such, None where they are none.
+
+    What is called the DC link's is a winding's where the one over the other is copper that warms.
+
+    Args:
+        volts: Column of the voltage.
+        current: Column of the current.
+        values: Name of a column to what it holds, shape (time,), where it was looked at.
+        readings: How the other columns are read.
+    """
+    names = {volts.name: "winding_voltage_V", current.name: "phase_current_A"}
+    proposals = {
+        each.name: [one for one in each.proposals if one.channel == names[each.name]]
+        for each in (volts, current)
+        if each.name in values
+    }
+    if len(proposals) < 2 or not all(proposals.values()):
+        return None
+    (u,), (i,) = (each[:1] for each in proposals.values())
+    held = (
+        _converted(values[each.name], one.channel, one.unit)
+        for each, one in ((volts, u), (current, i))
+    )
+    known = {each.channel: _converted(values[each.column], each.channel, each.unit)
+             for each in readings if each.column in values}  # fmt: skip
+    said = _voltage_evidence(next(held), [(current.name, next(held))], room_at_first(known))
+    if not said["winding_voltage_V"].speaks:
+        return None
+    under = Evidence(True, f"under '{volts.name}' it flows through copper that warms", True)
+    return (
+        replace(volts, proposals=(u,), evidence=said),
+        replace(current, proposals=(i,), evidence={"phase_current_A": under}),
+    )
 
 
 def _may_be_a_temperature(course: Course) -> bool:

@@ -294,12 +294,27 @@ def stated_resistance(surveys: Sequence[Survey]) -> dict[str, dict[float, str]]:
             ohms.setdefault(value, where)
             if temperature is not None:
                 degrees.setdefault(temperature, where)
+    for one in () if ohms else surveys:
+        for column, evidence in under_direct_current(one):
+            if evidence.cold:
+                ohm, degC = (float(f"{value:.5g}") for value in evidence.cold)
+                began = f"the start, '{flat(column.name)}' over the current"
+                ohms.setdefault(ohm, began)
+                degrees.setdefault(degC, "the start, if the winding was as cold as the room")
     if not ohms:
         return {}
     for one in surveys:
         for value, where in _references(one):
             degrees.setdefault(value, where)
     return found
+
+
+def under_direct_current(one: Survey) -> Iterator[tuple[FreeColumn, Evidence]]:
+    """Yield the columns of a file that are the voltage of a winding under direct current."""
+    for column in one.free:
+        evidence = column.evidence.get("winding_voltage_V")
+        if evidence is not None and evidence.speaks:
+            yield column, evidence
 
 
 def stated_ohms(surveys: Sequence[Survey]) -> list[float]:

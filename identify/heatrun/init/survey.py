@@ -17,7 +17,7 @@ from ..readers.read import opened, read_whole
 from ..record.channels import REQUIRED
 from ..record.record import ColumnReading, Finding
 from ..record.table import Table, preamble_of
-from .free_columns import FreeColumn, free_column, text_column, with_evidence
+from .free_columns import TURNING, FreeColumn, free_column, of_a_winding, text_column, with_evidence
 from .phase_means import PhaseMean, phase_means
 from .unread import PartialMapping, map_as_far
 
@@ -169,22 +169,32 @@ def _surveyed(
     read = {one.name: values[id(one)] for one in table.columns if id(one) in values}
     readings, no_losses = _without_input(table, free, tuple(mapped.readings), read, where)
     free = with_evidence((*free, *no_losses), readings, read)
+    if not any("winding_degC" in one.evidence for one in free):
+        readings, of_winding = _without_link(table, readings, read, where)
+        free = (*free, *of_winding)
+    link = {one.channel for one in mapped.readings} - {one.channel for one in readings}
+    derived = {
+        channel: formula
+        for channel, formula in found.derived.items()
+        if not any(name in formula for name in link)
+    }
     for one in readings:
         numbers = read.get(one.column)
         if one.channel in NEEDED and numbers is not None and not np.nan_to_num(numbers).any():
             is_empty = not np.isfinite(numbers).any()
             silent[one.channel] = SilentColumn(one.channel, one.column, is_empty)
     heard = tuple(one for one in readings if one.channel not in silent)
-    known = {*(one.channel for one in heard), *found.derived}
+    known = {*(one.channel for one in heard), *derived}
     said = (
         f"'{one.name}' is called losses and {one.evidence['losses_W'].words}."
-        for one in free[len(free) - len(no_losses) :]
+        for one in free
+        if one.name in {each.name for each in no_losses}
     )
     return Survey(
         where,
         table.reader,
         heard,
-        found.derived,
+        derived,
         free,
         (*(str(fault) for fault in found.faults), *said),
         silent=tuple(silent.values()),
@@ -210,3 +220,28 @@ def _without_input(
         if "losses_W" in judged.evidence:
             return others, (judged,)
     return readings, ()
+
+
+LINK = ("dc_voltage_V", "dc_current_A")
+"""Where a drive that turns the machine has them, they are no winding's."""
+
+
+def _without_link(
+    table: Table,
+    readings: tuple[ColumnReading, ...],
+    values: Mapping[str, np.ndarray],
+    where: str,
+) -> tuple[tuple[ColumnReading, ...], tuple[FreeColumn, ...]]:
+    """Return the readings without a DC link that is a winding under direct current, and its
+    columns.
+    """
+    link = [one for name in LINK for one in readings if one.channel == name]
+    is_meant = any(one.found_by == BY_NAME for one in link)
+    has_others = any(one.channel in (*TURNING, "phase_current_A") for one in readings)
+    if len(link) < len(LINK) or is_meant or has_others:
+        return readings, ()
+    columns = [next(each for each in table.columns if each.name == one.column) for one in link]
+    volts, current = (free_column(one, where, values.get(one.name), {}) for one in columns)
+    others = tuple(one for one in readings if one not in link)
+    found = of_a_winding(volts, current, values, others)
+    return (others, found) if found else (readings, ())
