@@ -16,7 +16,7 @@ from heatrun.calibration import Settings
 from heatrun.commands.console import PROGRESS
 from heatrun.errors import InputError
 from heatrun.io.caches import PROGRAM, PROGRAMS_FOLDER
-from heatrun.io.whole_files import free_name, numbered
+from heatrun.io.whole_files import folder_name, free_name, numbered
 from heatrun.jobs import calibrate as jobs
 from heatrun.motor.file import load_motor
 from heatrun.posterior.posterior import NUM_KEPT, keep
@@ -40,6 +40,13 @@ def finished(path, identity, text="{}", **how):
     folder = RunFolder.begin(path, identity, **how)
     (folder.partial / "fit.json").write_text(text)
     return folder.finish({})
+
+
+def test_the_name_of_a_folder_keeps_the_letters_under_their_marks():
+    assert folder_name("Prüfung_01, Größe 160-both") == "prufung-01-grosse-160-both"
+    assert folder_name("Échauffement n° 2") == "echauffement-n-2"
+    assert folder_name("巻線") == ""
+    assert len(folder_name("a" * 200)) == 80
 
 
 def test_another_run_is_refused_and_the_first_stays(tmp_path):
