@@ -32,7 +32,8 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         default="both",
         metavar="first|second|both|cooled|three|four|FILE.toml",
         help="network: one or both of the thesis, one with a coolant beside the air or with more "
-        "measured bodies, or your own from a TOML file; several with commas between, such as second,mine.toml (default: both)",
+        "measured bodies, or your own from a TOML file; several with commas between, such as "
+        "second,mine.toml (default: both)",
     )
     words.add_with(parser)
     parser.add_argument(
