@@ -333,6 +333,9 @@ def test_a_quick_job_is_planned_shorter():
     networks = ["first", "second"]
     quick, full = (work_of_calibration(networks, 2, m, print).left_s() for m in ("quick", "emcee"))
     assert quick < full
+    rated = work_of_calibration(networks, 2, "quick", print, num_ratings=3)
+    assert rated.left_s() > quick + 10.0
+    assert list(rated.usual_s)[-3] == ("second", "ratings")  # behind the predictions
     quick, full = (
         work_of_discovery("second", 2, method, print).left_s() for method in ("quick", "emcee")
     )
