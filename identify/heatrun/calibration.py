@@ -272,10 +272,13 @@ def calibrate(
             for test in tests
         ]
         undecided = {} if asked is None or is_plain else asked.undecided(seed=seed)
+        if settings.duties:
+            work.done((name, "predict"), f"{model.title}: ratings")
         described = describe_model(
             posterior, predicted, roles, settings.duties, attempts, undecided
         )
-        work.done((name, "predict"), f"{model.title}: done")
+        last_part = (name, "ratings" if settings.duties else "predict")
+        work.done(last_part, f"{model.title}: done")
         seen = [*found.findings, *_sampling_findings(posterior)]
         if screened is not None:
             stats = {**described.stats, "missing_effect_p": screened.p}

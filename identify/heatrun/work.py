@@ -245,7 +245,12 @@ SILENT = Work({})
 
 
 def work_of_calibration(
-    networks: Sequence[str], num_tests: int, method: str, progress: Progress | None
+    networks: Sequence[str],
+    num_tests: int,
+    method: str,
+    progress: Progress | None,
+    *,
+    num_ratings: int = 0,
 ) -> Work:
     """Return the parts of a calibration: those of each network, reduction and writing.
 
@@ -254,6 +259,7 @@ def work_of_calibration(
         num_tests: Number of tests [1].
         method: As `heatrun.posterior.posterior.sample`.
         progress: As `Work`.
+        num_ratings: Number of ratings that are asked for [1].
     """
     parts: dict[Hashable, float] = {}
     for name in networks:
@@ -262,6 +268,8 @@ def work_of_calibration(
         parts |= {(name, "missing"): 6.0 + 5.0 * num_tests if is_last else 0.1}
         parts |= {(name, "sample"): 5.0 if method == "quick" else 25.0}
         parts |= {(name, "predict"): 2.0 + 2.0 * num_tests}
+        if num_ratings:
+            parts |= {(name, "ratings"): 5.0 * num_ratings}
     parts |= {"reduction": 0.5 * num_tests, "writing": 3.0 + 1.5 * num_tests}
     return Work(parts, progress, is_first=not has_programs())
 

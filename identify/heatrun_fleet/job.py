@@ -20,7 +20,14 @@ from typing import Any
 from heatrun.errors import InputError
 from heatrun.io.caches import FolderLock
 from heatrun.io.file_set import is_aside, together
-from heatrun.io.whole_files import moment, numbered, refuse_replacing, writable, write_whole
+from heatrun.io.whole_files import (
+    folder_name,
+    moment,
+    numbered,
+    refuse_replacing,
+    writable,
+    write_whole,
+)
 from heatrun.results.json_text import to_json
 from heatrun.runs.run_folder import environment, refuse_unwritable
 from heatrun.work import Progress, Work
@@ -148,10 +155,7 @@ def calibrate_fleet_into(
 
 def default_folder(fleet: Fleet) -> Path:
     """Return where a fleet goes if no folder is given: named after it."""
-    slug = "".join(c if c.isalnum() and c.isascii() else "-" for c in fleet.name.lower())
-    while "--" in slug:
-        slug = slug.replace("--", "-")
-    return Path("results") / "fleets" / (slug.strip("-")[:80] or "fleet")
+    return Path("results") / "fleets" / (folder_name(fleet.name) or "fleet")
 
 
 def _work_out(

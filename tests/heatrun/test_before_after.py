@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from heatrun import cli
 from heatrun.errors import InputError
 from heatrun.record.motor import Motor, ShutDown
 from heatrun.record.record import Record
-from heatrun.runs.before_after import _Side
+from heatrun.runs.before_after import Estimate, _moved, _Side
 from lptn.effects import EFFECTS
 
 MOTOR = Motor("reference", phase_resistance_ohm=TRUTH["Rs0"], insulation_class="F")
@@ -53,6 +54,20 @@ def loose(tmp_path_factory):
 def compared(before, after, **options):
     found = heatrun.compare_runs(heatrun.open_run(before), heatrun.open_run(after), **options)
     return found, {each.name: each for each in found.changes}
+
+
+@pytest.mark.parametrize(
+    ("value", "ends", "said"),
+    [(-0.001, (-0.073, 0.074), "Req_w moved by 0 % (-7 … 7 %)"),
+     (-0.0001, (-0.005, 0.005), "Req_w moved by 0.0 % (-0.5 … 0.5 %)"),
+     (0.02, (-0.01, 0.05), "Req_w grew by 2 % (-1 … 5 %)"),
+     (-0.02, (-0.05, 0.01), "Req_w fell by 2 % (-1 … 5 %)")],
+)  # fmt: skip
+def test_what_moved_by_nothing_neither_fell_nor_grew(value, ends, said):
+    assert (
+        _moved(SimpleNamespace(name="Req_w", relative=Estimate(value=value, interval_95=ends)))
+        == said
+    )
 
 
 def test_a_resistance_that_fell_is_named_with_its_probability(before, loose):

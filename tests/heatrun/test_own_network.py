@@ -6,6 +6,7 @@ import json
 from dataclasses import asdict, replace
 from importlib.resources import files
 from pathlib import Path
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
@@ -18,7 +19,7 @@ from heatrun import cli
 from heatrun.effects.engine import library
 from heatrun.errors import InputError, UsageError
 from heatrun.fit.fit import fit
-from heatrun.model.catalogue import effects_named
+from heatrun.model.catalogue import effects_named, refuse_unmeasured_sink, refuse_unmeasured_speed
 from heatrun.model.model import Model
 from heatrun.model.model_parameters import override_names, parameters
 from heatrun.model.network_text import (
@@ -275,6 +276,14 @@ def test_which_two_networks_are_compared(folder):
         pair_of(f"first,second,{four}")
     with pytest.raises(UsageError, match="names no network"):
         pair_of(" , ")
+
+
+def test_a_sink_or_a_speed_that_was_not_measured_names_the_network_once():
+    tests = [SimpleNamespace(name="duty", means={})]
+    with pytest.raises(InputError, match="the network four loses heat to the coolant too"):
+        refuse_unmeasured_sink("coolant", tests, "network four")
+    with pytest.raises(InputError, match="in the second order the mechanical loss follows"):
+        refuse_unmeasured_speed(["mechanical"], tests, "second order")
 
 
 @pytest.mark.slow

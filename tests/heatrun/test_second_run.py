@@ -16,7 +16,7 @@ from heatrun.calibration import Settings
 from heatrun.commands.console import PROGRESS
 from heatrun.errors import InputError
 from heatrun.io.caches import PROGRAM, PROGRAMS_FOLDER
-from heatrun.io.whole_files import free_name, numbered
+from heatrun.io.whole_files import folder_name, free_name, numbered
 from heatrun.jobs import calibrate as jobs
 from heatrun.motor.file import load_motor
 from heatrun.posterior.posterior import NUM_KEPT, keep
@@ -40,6 +40,13 @@ def finished(path, identity, text="{}", **how):
     folder = RunFolder.begin(path, identity, **how)
     (folder.partial / "fit.json").write_text(text)
     return folder.finish({})
+
+
+def test_the_name_of_a_folder_keeps_the_letters_under_their_marks():
+    assert folder_name("Prüfung_01, Größe 160-both") == "prufung-01-grosse-160-both"
+    assert folder_name("Échauffement n° 2") == "echauffement-n-2"
+    assert folder_name("巻線") == ""
+    assert len(folder_name("a" * 200)) == 80
 
 
 def test_another_run_is_refused_and_the_first_stays(tmp_path):
@@ -326,6 +333,9 @@ def test_a_quick_job_is_planned_shorter():
     networks = ["first", "second"]
     quick, full = (work_of_calibration(networks, 2, m, print).left_s() for m in ("quick", "emcee"))
     assert quick < full
+    rated = work_of_calibration(networks, 2, "quick", print, num_ratings=3)
+    assert rated.left_s() > quick + 10.0
+    assert list(rated.usual_s)[-3] == ("second", "ratings")  # behind the predictions
     quick, full = (
         work_of_discovery("second", 2, method, print).left_s() for method in ("quick", "emcee")
     )

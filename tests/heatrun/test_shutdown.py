@@ -18,6 +18,7 @@ from heatrun.motor.file import load_motor, parse_motor
 from heatrun.shutdown.cooling import Cooling, UsualModes, _lagged
 from heatrun.shutdown.graphical import allowed_delay_s, by_hand
 from heatrun.shutdown.of_run import _modal, modes_of_run
+from heatrun.shutdown.printed import drawn
 from heatrun.shutdown.readings import Readings, read_readings
 from heatrun.shutdown.result import _reduced, winding_at_shutdown
 
@@ -348,6 +349,24 @@ def test_methods_by_hand_on_a_course_that_they_are_right_for():
 def test_the_delay_that_is_allowed():
     outputs = (None, 15, 75, 1000, 9e3)
     assert [allowed_delay_s(kW) for kW in outputs] == [None, 30.0, 90.0, 120.0, None]
+
+
+def test_times_are_said_to_count_from_the_switch_off_alone(tmp_path):
+    path = write(tmp_path, TIME_S, ohm(winding(TIME_S)))
+    read = read_readings(path, motor())
+    assert read.time_s[0] == TIME_S[0]
+    assert not [note for note in read.notes if "first sample" in note]
+    assert all(read.notes)
+
+
+def test_the_key_of_the_figure_lies_on_no_line(tmp_path):
+    result = found(tmp_path, ohm(winding(TIME_S)))
+    figure = drawn(result)
+    figure.draw_without_rendering()
+    (axis,), (key,) = figure.axes, figure.legends
+    assert axis.get_legend() is None
+    assert not key.get_window_extent().overlaps(axis.get_window_extent())
+    assert key.get_window_extent().width < figure.bbox.width
 
 
 def test_the_command_writes_what_it_says(tmp_path, capsys):

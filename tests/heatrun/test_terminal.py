@@ -9,12 +9,14 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from heatrun import cli
-from heatrun.commands import all_commands
+from heatrun.commands import all_commands, calibrate
 from heatrun.commands.console import EVERY_S, PROGRESS, bar, say
+from heatrun.jobs import calibrate as jobs
 from heatrun.record.record import Finding
 from heatrun.reports.terminal import discovery_text, findings_text, result_text
 from heatrun.results import DiscoveryResult, FitResult, from_json
@@ -59,6 +61,23 @@ def test_a_large_capacity_has_no_exponent(stored):
     assert re.search(r"Ceq_sr +151200 ± 5200 J/K +identified", said)
     said = result_text(replace(stored, models=models), verbose=True)
     assert re.search(r"Ceq_sr +151230 J/K +95 % 146100 … 156300 ", said)
+
+
+def test_compare_into_a_folder_says_how_the_two_networks_compare(stored, monkeypatch, capsys):
+    found = SimpleNamespace(result=stored, sampling_s=0.0)
+    monkeypatch.setattr(jobs, "calibrate_into", lambda *_, **__: (found, Path("out")))
+    monkeypatch.setattr(calibrate, "load", lambda *_, **__: [None])
+    motor = Path(__file__).parents[2] / "data" / "synthetic" / "motor.toml"
+    words = [str(motor), "duty.csv", "--quick", "--out", "out"]
+    assert cli.main(["compare", *words]) == 0
+    said = capsys.readouterr().out
+    chance, rmse = "describes the fitted tests better", stored.comparison.words[0]
+    assert chance in said
+    assert rmse in said
+    assert said.startswith("USABLE")
+    assert said.endswith("Sheet: out\n")
+    assert cli.main(["calibrate", *words]) == 0
+    assert rmse not in capsys.readouterr().out
 
 
 def test_a_result_is_told_in_a_dozen_lines_and_the_rest_on_demand(stored):

@@ -349,6 +349,34 @@ def test_numbers_have_the_decimal_sign_of_the_language(result, tmp_path):
     assert "0,1448 ± 0,0032 K/W" in json.dumps(italian, ensure_ascii=False)
 
 
+@pytest.mark.parametrize(
+    ("language", "started"),
+    [("en", "150A cold, 300Ax5@0 hot"), ("de", "150A kalt, 300Ax5@0 warm"),
+     ("it", "150A a freddo, 300Ax5@0 a caldo")],
+)  # fmt: skip
+def test_a_rating_from_cold_or_hot_says_so_in_the_language_of_the_sheet(result, language, started):
+    model = result.models["second"]
+    entry = model.derived["tau_winding_s"]
+    names = ("time_to_limit_150A_cold_s", "starts_300Ax5@0_hot")
+    derived = {**model.derived, **dict.fromkeys(names, entry)}
+    models = {**result.models, "second": replace(model, derived=derived)}
+    content = sheet_content(replace(result, models=models), Certificate(language=language))
+    named = [row[0].partition(", ")[2] for row in content["derived"]]
+    assert ", ".join(named[-2:]) == started
+
+
+def test_what_the_sheet_was_made_by_is_said_in_its_language(result):
+    labels = [
+        [label for label, _ in sheet_content(result, Certificate(language=each))["meta"]]
+        for each in LANGUAGES
+    ]
+    assert labels == [
+        ["heatrun", "command", "seed"],
+        ["heatrun", "Befehl", "Startwert"],
+        ["heatrun", "comando", "seme"],
+    ]
+
+
 def test_findings_in_english_are_called_so_in_the_language(result):
     finding = Finding("odd", "warning", "Something is odd.")
     odd = replace(result, findings=(finding,))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +17,7 @@ from .loading import load
 if TYPE_CHECKING:
     from ..model.network_form import NetworkForm
     from ..record.motor import Motor
+    from ..results import FitResult
 
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
@@ -29,9 +30,10 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     parser.add_argument(
         "--model",
         default="both",
-        metavar="first|second|both|three|four|FILE.toml",
-        help="network: one or both of the thesis, one with more measured bodies, or your own from "
-        "a TOML file; several with commas between, such as second,mine.toml (default: both)",
+        metavar="first|second|both|cooled|three|four|FILE.toml",
+        help="network: one or both of the thesis, one with a coolant beside the air or with more "
+        "measured bodies, or your own from a TOML file; several with commas between, such as "
+        "second,mine.toml (default: both)",
     )
     words.add_with(parser)
     parser.add_argument(
@@ -89,6 +91,7 @@ def calibrate_into_folder(
     holdout: Sequence[Path],
     networks: Sequence[NetworkForm],
     default: Path | None = None,
+    compared: Callable[[FitResult], Sequence[str]] | None = None,
 ) -> int:
     """Calibrate, write the run folder and print what was found.
 
@@ -100,6 +103,7 @@ def calibrate_into_folder(
         holdout: Paths of the tests that are predicted.
         networks: What is calibrated.
         default: Run folder where none is named; None for one named after motor and test.
+        compared: How the networks compare, in sentences that follow the result.
     """
     from ..calibration import Settings
     from ..jobs.calibrate import Place, calibrate_into
@@ -134,6 +138,8 @@ def calibrate_into_folder(
         print(to_json({**to_plain(found.result), "run": str(written)}))
     else:
         print(result_text(found.result, str(written), verbose=options.verbose))
+        for sentence in compared(found.result) if compared else ():
+            print(printable(sentence))
         sheet = written / "sheet.pdf"
         print(printable(f"Sheet: {sheet if sheet.exists() else written}"))
     return DONE

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import argparse
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError
 from . import words
 from .calibrate import calibrate_into_folder
 from .console import DONE, NOT_ALLOWED, bar, printable
 from .loading import load
+
+if TYPE_CHECKING:
+    from ..results import FitResult
 
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
@@ -90,13 +93,14 @@ def _compare_networks(options: argparse.Namespace) -> int:
     from ..motor.file import load_motor
     from ..reports.terminal import result_text, verdict_lines
     from ..results import to_json
-    from ..runs.verdict import against_others
     from ..work import work_of_calibration
 
     pair = pair_of(options.model)
     motor = load_motor(options.motor)
     if options.out is not None:
-        return calibrate_into_folder(options, motor, options.tests, options.holdout, pair)
+        return calibrate_into_folder(
+            options, motor, options.tests, options.holdout, pair, compared=_compared
+        )
     tests = load(motor, options.tests, options.holdout, as_json=options.json)
     if tests is None:
         return NOT_ALLOWED
@@ -125,10 +129,16 @@ def _compare_networks(options: argparse.Namespace) -> int:
             )
         )
     else:
-        assert found.result.comparison is not None  # two networks were fitted
-        chance = against_others(found.result) or [found.result.verdict.sentence]
-        sentences = [*verdict_lines(found.result), *chance, *found.result.comparison.words]
+        sentences = [*verdict_lines(found.result), *_compared(found.result)]
         print("\n".join(printable(sentence) for sentence in sentences))
         if options.verbose:
             print(f"\n{result_text(found.result, verbose=True)}")
     return DONE
+
+
+def _compared(result: FitResult) -> list[str]:
+    """Return how the two networks compare, in sentences."""
+    from ..runs.verdict import against_others
+
+    assert result.comparison is not None  # two networks were fitted
+    return [*(against_others(result) or [result.verdict.sentence]), *result.comparison.words]

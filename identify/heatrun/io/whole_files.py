@@ -14,6 +14,7 @@ import shlex
 import shutil
 import signal
 import threading
+import unicodedata
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -120,6 +121,21 @@ def drop_partials(folder: Path) -> None:
             shutil.rmtree(piece)
         else:
             piece.unlink()
+
+
+LONGEST_NAME = 80
+"""Letters of a folder's name that is made of others."""
+
+
+def folder_name(words: str) -> str:
+    """Return words as the name of a folder: small letters without their marks, digits and dashes.
+
+    What is no Latin letter is left out, so that nothing may be left.
+    """
+    plain = unicodedata.normalize("NFKD", words.casefold())
+    kept = (c for c in plain if not unicodedata.combining(c))
+    text = "".join(c if c.isalnum() and c.isascii() else "-" for c in kept)
+    return re.sub("-+", "-", text).strip("-")[:LONGEST_NAME]
 
 
 def numbered(path: Path, next_to: Path | None = None) -> Iterator[Path]:

@@ -100,7 +100,9 @@ def calibrate_into(
     further = (*duties, *([json.dumps(stated, sort_keys=True)] if stated else []))
     folder = place.begin(same, say, further)
     names = [form.name for form in settings.forms]
-    work = work_of_calibration(names, len(tests), settings.method, progress)
+    work = work_of_calibration(
+        names, len(tests), settings.method, progress, num_ratings=len(settings.duties)
+    )
     with work:
         with folder.dropped_if_refused():
             found = calibrate(motor, tests, settings, folder=folder, work=work)

@@ -224,8 +224,7 @@ def refuse_unmeasured_sink(sink: str, tests: Sequence[Blocks], title: str) -> No
     for test in tests:
         if sink and "second_sink" not in test.means:
             raise InputError(
-                f"the network {title!r} loses heat to the {sink} too, and this test has no "
-                f"{sink}_degC.",
+                f"the {title} loses heat to the {sink} too, and this test has no {sink}_degC.",
                 where=test.name,
                 remedy=f'Map the channel: [columns] {sink}_degC = "name in the file [unit]"; or '
                 f"give its mean: [constants] {sink}_degC = 20.0.",
@@ -246,7 +245,7 @@ def refuse_unmeasured_speed(kinds: Sequence[str], tests: Sequence[Blocks], title
     for test in tests:
         if kinds and "speed" not in test.means:
             raise InputError(
-                f"in the network {title!r} the {' and the '.join(kinds)} loss follows the speed, "
+                f"in the {title} the {' and the '.join(kinds)} loss follows the speed, "
                 "and this test has no speed_rpm.",
                 where=test.name,
                 remedy='Map the channel: [columns] speed_rpm = "name in the file [unit]"; give it '

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 FLOAT32_ULPS = 2.0
@@ -17,6 +19,11 @@ LONGEST_TEST_S = 1e9
 
 LARGEST_SHARE_OF_STEP = 0.05
 """Rounding beyond this share of a step could hide true jitter: then the times stay as they are."""
+
+
+def without_count(note: str) -> str:
+    """Return a note without what `from_first_sample` says, for times that count from elsewhere."""
+    return re.sub(r"time_s counts from the first sample, at \S+ s in the file\. ?", "", note)
 
 
 def from_first_sample(time_s: np.ndarray) -> tuple[np.ndarray, str]:

@@ -56,8 +56,8 @@ def sheet_content(
         "verdict": clean(result.verdict.sentence),
         "meta": [
             ["heatrun", result.heatrun_version],
-            ["command", clean(command_without_folders(result.command))],
-            ["seed", str(result.seed)],
+            [say("made_by_command"), clean(command_without_folders(result.command))],
+            [say("made_by_seed"), str(result.seed)],
         ],
         "definitions": _definitions(result, model, say),
         "tests": [_test(test, say) for test in result.tests],
@@ -236,6 +236,9 @@ def _named(figure: str, say: Texts) -> str:
     key = f"figure_{figure}"
     if key not in table() and (found := ASKED.fullmatch(figure)):
         what, load = found["what"] or "current", found["load"] or found["duty"]
+        asked, _, start = load.rpartition("_")
+        if start in ("cold", "hot"):
+            load = say(f"asked_{start}", load=asked)
         return say(f"figure_{what}", load=load.replace("_", " "))
     return say(key) if key in table() else figure
 

@@ -437,5 +437,5 @@ def _moved(change: Change) -> str:
     low, high = sorted(sign * end for end in change.relative.interval_95)
     places = 0 if high - low >= 4.0 else 1
     amount, *ends = (f"{x:.{places}f}" for x in (sign * change.relative.value, low, high))
-    verb = "fell" if sign < 0.0 else "grew"
+    verb = "moved" if not float(amount) else "fell" if sign < 0.0 else "grew"
     return f"{change.name} {verb} by {amount} % ({' … '.join(ends)} %)"

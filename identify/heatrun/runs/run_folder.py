@@ -28,6 +28,7 @@ from ..io.open_file import digest
 from ..io.whole_files import (
     PARTIAL,
     drop_partials,
+    folder_name,
     numbered,
     refuse_replacing,
     undisturbed,
@@ -132,11 +133,7 @@ def default_folder(motor: Motor, test: Record, order: str) -> Path:
         test: The first test.
         order: What is calibrated, in a word.
     """
-    words = f"{motor.name}-{test.name}-{order}"
-    slug = "".join(c if c.isalnum() and c.isascii() else "-" for c in words.lower())
-    while "--" in slug:
-        slug = slug.replace("--", "-")
-    return Path("results") / "runs" / slug.strip("-")[:80]
+    return Path("results") / "runs" / folder_name(f"{motor.name}-{test.name}-{order}")
 
 
 def refuse_unwritable(path: Path) -> None:

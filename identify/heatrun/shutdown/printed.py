@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import io
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..io.quantities import quantity
 from .cooling import NUM_DRAWS
 from .result import Limit, ShutdownResult
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 COLOURS = ("#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's palette, which colour-blind readers can tell apart."""
@@ -127,12 +131,12 @@ def table(result: ShutdownResult) -> bytes:
     return ("\n".join(lines) + "\n").encode()
 
 
-def figure(result: ShutdownResult) -> bytes:
-    """Return the figure as PNG: readings, extrapolation with its band, methods by hand."""
+def drawn(result: ShutdownResult) -> Figure:
+    """Return the figure: readings, extrapolation with its band, methods by hand."""
     from matplotlib.figure import Figure
 
-    drawn = Figure(figsize=(7.2, 4.2), layout="constrained")
-    axis = drawn.add_subplot()
+    figure = Figure(figsize=(7.2, 4.2), layout="constrained")
+    axis = figure.add_subplot()
     low, median, high = result.curve_degC
     axis.fill_between(result.time_s, low, high, color="#0072B2", alpha=0.2, lw=0, label="95 %")
     axis.plot(result.time_s, median, color="#0072B2", lw=1.2, label="winding")
@@ -151,7 +155,12 @@ def figure(result: ShutdownResult) -> bytes:
     axis.set(xlabel="Time since switch-off [s]", ylabel="Temperature [°C]",
              title=f"{result.motor}, {result.readings}")  # fmt: skip
     axis.grid(lw=0.3)
-    axis.legend(fontsize=7, frameon=False)
+    figure.legend(fontsize=7, frameon=False, ncols=3, loc="outside lower center")
+    return figure
+
+
+def figure(result: ShutdownResult) -> bytes:
+    """Return the figure as PNG."""
     stream = io.BytesIO()
-    drawn.savefig(stream, format="png", dpi=150, metadata={"Software": None})
+    drawn(result).savefig(stream, format="png", dpi=150, metadata={"Software": None})
     return stream.getvalue()

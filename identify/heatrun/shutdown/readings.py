@@ -16,6 +16,7 @@ from ..record.header import split_name
 from ..record.motor import Motor
 from ..record.record import Record
 from ..record.stretch import parse_time
+from ..record.timegrid import without_count
 from ..record.units import find_unit
 
 FEWEST = 3
@@ -147,7 +148,7 @@ def read_readings(path: Path, motor: Motor, at: str = "") -> Readings:
     used = np.isfinite(time_s) & np.isfinite(values) & (time_s >= 0.0)
     before = int(np.sum(time_s < 0.0))
     notes = [
-        *record.notes,
+        *filter(None, map(without_count, record.notes)),
         *([f"{before} readings before switch-off are left out."] if before else []),
     ]
     time_s, values = time_s[used], values[used]

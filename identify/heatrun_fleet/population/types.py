@@ -9,7 +9,7 @@ from typing import Any
 
 from heatrun.errors import InputError
 from heatrun.io.quantities import clean, printed_unit, rounded
-from heatrun.io.whole_files import numbered
+from heatrun.io.whole_files import folder_name, numbered
 from heatrun.reports.printed import signed
 from heatrun.results import to_plain
 from heatrun.results.discovery import ValueWithInterval
@@ -19,8 +19,6 @@ from ..results.population import PopulationNoise, PopulationParameter, Populatio
 from .files import is_same, write_population
 from .job import pooled
 from .of_fleet import FleetRows, gathered_of_fleet
-
-LONGEST_SLUG = 80
 
 
 @dataclass(frozen=True)
@@ -166,10 +164,7 @@ def _folders(types: Sequence[str], fleet: str, out: Path | None) -> list[Path]:
 
 def slug(name: str) -> str:
     """Return a name as that of a folder: letters, digits and dashes."""
-    text = "".join(c if c.isalnum() and c.isascii() else "-" for c in name.lower())
-    while "--" in text:
-        text = text.replace("--", "-")
-    return text.strip("-")[:LONGEST_SLUG] or "type"
+    return folder_name(name) or "type"
 
 
 MOST_NAMED = 10
