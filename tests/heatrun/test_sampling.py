@@ -39,6 +39,11 @@ def short(bench, generator, motor):
     return fit(Problem.of(Model.of("first", motor), motor, [blocks]))
 
 
+@pytest.fixture(scope="module")
+def quick(short):
+    return sample(short, method="quick", seed=2)
+
+
 def pareto_shape(log_weight: np.ndarray) -> float:
     return pareto_smoothed(log_weight).pareto_k
 
@@ -107,8 +112,8 @@ def test_smoothed_weights_err_less_than_raw_ones():
     assert by_smoothed < 0.9 * by_raw
 
 
-def test_importance_samples_carry_smoothed_weights_and_evidence_of_raw_ones(fitted):
-    found = linear_sample(fitted, num_draws=1024, seed=2)
+def test_importance_samples_carry_smoothed_weights_and_evidence_of_raw_ones(short):
+    found = linear_sample(short, num_draws=1024, seed=2)
     log_weight = found.log_density - found.proposal.log_density(found.vectors)
     smoothed = pareto_smoothed(log_weight)
     assert found.pareto_k == pytest.approx(smoothed.pareto_k, abs=1e-6)
@@ -119,9 +124,8 @@ def test_importance_samples_carry_smoothed_weights_and_evidence_of_raw_ones(fitt
     assert found.log_evidence == pytest.approx(logsumexp(log_weight) - np.log(log_weight.size))
 
 
-def test_no_draw_of_the_quick_posterior_stands_for_many(short):
+def test_no_draw_of_the_quick_posterior_stands_for_many(short, quick):
     """1166 of 4000 were distinct, and one stood 43 times, where an interval ends."""
-    quick = sample(short, method="quick", seed=2)
     assert quick.method == "importance"
     _, count = np.unique(quick.flat, axis=0, return_counts=True)
     assert count.size > 0.9 * quick.flat.shape[0]
@@ -227,16 +231,24 @@ def test_ensembles_that_differ_have_not_converged(fault):
     assert "the ensembles differ by more than their Monte Carlo errors explain" in found.sentence()
 
 
-def test_importance_samples_stand_in_for_a_long_mcmc_that_agrees(short, monkeypatch):
+def test_importance_samples_stand_in_for_a_long_mcmc_that_agrees(short, quick, monkeypatch):
     monkeypatch.setattr(sampling, "FULL", FULL._replace(size=1e6))
     found = sample(short, seed=2)
     assert found.method == "importance"
     assert found.is_sound
     assert "MCMC agrees and would take" in found.sentence()
-    quick = sample(short, method="quick", seed=2)
     np.testing.assert_array_equal(found.vectors, quick.vectors)
-    monkeypatch.setattr(sampling, "is_one_law", lambda *given: False)
-    assert sample(short, seed=2, most_steps=1000).method == "emcee"
+
+
+def test_importance_samples_of_another_law_do_not_stand_in(short, quick, monkeypatch):
+    asked = []
+    monkeypatch.setattr(sampling, "FULL", FULL._replace(size=1e6))
+    monkeypatch.setattr(sampling, "CHUNK", 50)
+    monkeypatch.setattr(sampling, "LONG", 100)
+    monkeypatch.setattr(sampling, "importance_sample", lambda *_, **__: quick.weighted)
+    monkeypatch.setattr(sampling, "is_one_law", lambda *given: asked.append(given))
+    assert sample(short, seed=2, most_steps=150).method == "emcee"
+    assert len(asked) == 1
 
 
 @pytest.mark.parametrize(
