@@ -432,12 +432,13 @@ def test_voltage_over_current_that_warms_is_that_of_a_winding(tmp_path, names, a
     text = text_of(path)
     (side,) = offered(text, "winding_voltage_V")
     assert "ohm, as copper that warms" in note_on(text, f'winding_voltage_V = "{side}')
-    assert "# mechanical_power_W =" in text  # the power that goes in, less that of a shaft
+    assert "# mechanical_power_W = 0.0" in text  # the power that goes in, less that of a shaft
     motor = parse_motor(draft("coil", [survey(path)], is_accepted=True).encode(), "motor.toml")
     assert motor.phases == 1
     record = read_test(path, motor)
     flows = np.isfinite(record["winding_degC"])
     assert flows.sum() > 200
+    assert np.nanmax(np.abs(record["losses_W"] - OHM * amperes**2)) < 0.01
     # by the resistance at the start, where the coil is as cold as the room, whose sensor has 0.2 K
     np.testing.assert_allclose(record["winding_degC"][flows], WINDING[flows], atol=0.4)
 

@@ -757,7 +757,9 @@ def _note(column: FreeColumn) -> str:
 
 
 def _constants(name: str, surveys: Sequence[Survey]) -> tuple[str, ...]:
-    """Return lines of `[constants]` for a room that was not recorded."""
+    """Return lines of `[constants]` for a room that was not recorded, or a shaft that stands."""
+    if name in AT_REST and all(any(under_direct_current(one)) for one in surveys):
+        return (f"# {name} = 0.0  # direct current turns no shaft",)
     if name != "ambient_degC":
         return ()
     lines = []
