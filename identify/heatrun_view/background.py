@@ -46,11 +46,27 @@ class Soon:
         pn.state.curdoc.add_timeout_callback(settle, self.WAIT_MS)
 
 
+def when_built(act: Callable[[], None]) -> None:
+    """Do something once the browser has built the page: at once where it has.
+
+    What changes while the browser still builds the page is lost to it: it gets references to
+    models that it does not know, and stays empty.
+    """
+    document = pn.state.curdoc
+    if document is None or pn.state.loaded:
+        act()
+        return
+
+    def soon() -> None:
+        document.add_next_tick_callback(act)
+
+    pn.state.onload(soon)
+
+
 def in_background(work: Callable[[], T], show: Callable[[T], None]) -> None:
     """Do work in a thread of its own and show what came of it in the page's turn.
 
-    What changes while the browser still builds the page is lost to it: it gets references to
-    models that it does not know, and stays empty. So what is found sooner waits until then.
+    What is found while the browser still builds the page waits until that has, see `when_built`.
 
     Args:
         work: Raises nothing; touches nothing of the page.
@@ -63,12 +79,6 @@ def in_background(work: Callable[[], T], show: Callable[[T], None]) -> None:
 
     def in_time(act: Callable[[], None]) -> None:
         document.add_next_tick_callback(act)
-
-    def when_built(act: Callable[[], None]) -> None:
-        if pn.state.loaded:
-            act()
-        else:
-            pn.state.onload(lambda: in_time(act))
 
     loop = IOLoop.current()
 

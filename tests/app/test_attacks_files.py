@@ -61,6 +61,7 @@ def _linked(folder: Path) -> None:
 def test_links_lead_to_nothing_outside_the_folder(serve, wire):
     server = serve(fill=_linked)
     tab = wire.Tab(server.url, "?run=run1&test=inner.csv.gz")
+    tab.show()
     shown = tab.document()
     assert "run1" in shown
     assert "inner.csv.gz" in shown
@@ -77,6 +78,7 @@ def test_links_lead_to_nothing_outside_the_folder(serve, wire):
         assert name not in shown.replace(str(server.folder), ""), name
     asked = "?test=linked_test.csv&test=linked_folder/secret.csv&motor=linked_motor.toml"
     other = wire.Tab(server.url, f"{asked}&run=linked_run&test=circle.csv")
+    other.show()
     assert "secret of the system" not in other.document()
     for each in (tab, other):
         each.close()
@@ -87,6 +89,7 @@ def test_a_download_is_judged_when_it_is_asked_for(serve, wire):
     server = serve(fill=lambda folder: _run(folder / "run1", sheet_json=b'{"mine": 1}'))
     (server.folder.parent / "secret").write_text(SECRET)
     tab = wire.Tab(server.url, "?run=run1")
+    tab.show("Calibration")
     buttons = {model["attributes"].get("label"): model["id"]
                for model in tab.models("panel.models.widgets.FileDownload")
                + tab.models("FileDownload")}  # fmt: skip
@@ -192,12 +195,14 @@ def test_hostile_files_are_errors_of_their_own(serve, wire):
     server = serve(fill=_hostile)
     before = server.most_MB
     tab = wire.Tab(server.url, "?test=duty_30min.csv.gz&motor=motor.toml&run=odd_run")
+    tab.show()
     shown = tab.document()
     assert "motor.toml" in shown
     assert "step_30min.csv.gz" in shown
     assert "pipe." not in shown
     for name in ("deep.toml", "no_text.toml"):
         bad = wire.Tab(server.url, f"?test=duty_30min.csv.gz&motor={name}")
+        bad.show("Checks")
         _until(lambda bad=bad: "The motor file is at fault" in bad.document())
         bad.close()
     _until(lambda: "winding_degC" in tab.document())
@@ -222,6 +227,7 @@ def test_a_file_that_is_read_for_long_keeps_no_other_page_waiting(serve, wire, m
     server = serve(fill=fill)
     slow = wire.Tab(server.url, "?test=slow.csv&motor=motor.toml")
     other = wire.Tab(server.url, "?test=step_30min.csv.gz&motor=motor.toml")
+    other.show("Checks")
     _until(lambda: "How the files were read" in other.document())
     assert "slow.csv" in slow.document()
     for tab in (slow, other):

@@ -185,6 +185,7 @@ def test_nothing_is_left_when_the_server_ends(serve, wire, tmp_path, monkeypatch
         signal.signal(signal.SIGHUP, before)
     tab = wire.Tab(server.url, "?test=duty_30min.csv.gz&motor=motor.toml")
     assert [each for each in temporary.iterdir() if each.name.startswith("heatrun-uploads-")]
+    tab.show("Calibration")
     (button,) = [
         model["id"] for model in tab.models("panel.models.widgets.Button") + tab.models("Button")
         if model["attributes"].get("label") == "Calibrate"

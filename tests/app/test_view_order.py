@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 HEAD = "time_s,phase_current_A,losses_W,ambient_degC,winding_degC\n"
-NUM_PULLS = 40
+NUM_PULLS = 80
 """Copies of the page, more than the connection's buffers hold."""
 LOOKS_S = 2.5
 """The page looks at its files once a second: some looks [s]."""

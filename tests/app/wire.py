@@ -100,6 +100,24 @@ class Tab:
         event = {"kind": "ModelChanged", "model": {"id": model}, "attr": attribute, "new": value}
         self.send("PATCH-DOC", {"events": [event]})
 
+    def show(self, *titles: str) -> None:
+        """Show tabs one after the other, without titles all of them, until each is rendered."""
+        (tabs,) = self.models("panel.models.tabs.Tabs")
+        for number, each in enumerate(tabs["attributes"]["tabs"]):
+            is_asked = not titles or each["attributes"]["title"] in titles
+            place = each["attributes"]["child"]
+            if is_asked and not place["attributes"].get("children"):
+                self.change(tabs["id"], "active", number)
+                while not self._is_filled(place["id"]):
+                    pass
+
+    def _is_filled(self, place: str) -> bool:
+        """Return whether the next message brings what stands in a place."""
+        return any(
+            event.get("attr") == "children" and event["model"]["id"] == place
+            for event in self.message()["content"].get("events", ())
+        )
+
     def upload(self, dropper: str, name: str, data: bytes, chunk: int = 1, total: int = 1) -> None:
         """Send a piece of a file, as the drop zone does."""
         packed = base64.b64encode(_gzip(data)).decode()

@@ -14,7 +14,7 @@ import panel as pn
 from heatrun.errors import InputError
 from heatrun_reports import TEST_TYPES, Kind
 
-from ..look import TABS_CSS, Screen, asked_theme, framed, text_pane
+from ..look import Screen, asked_theme, framed, text_pane
 from ..reading import Reader, Reading, problem
 from ..running_jobs import JobQueue
 from ..runs import Run, last_motor, runs_under
@@ -25,6 +25,7 @@ from .editing import Editing
 from .fitting import calibrating, discovering
 from .fleet import FleetTab
 from .following import Tests
+from .late import LateTabs
 from .sidebar import Sidebar
 from .signals import Cutting, Signals
 from .sliders import Sliders
@@ -76,7 +77,7 @@ class Page:
         self.using = Using(self, queue)
         self.switching_off = SwitchingOff(self.reader, out, self.list_folder)
         self.fleet = FleetTab(self.root, self.show_tests)
-        self._tabs = pn.Tabs(
+        self._tabs = LateTabs(
             ("Start", self.start.view),
             ("Signals", self.signals.view),
             ("Checks", self._checks),
@@ -87,14 +88,11 @@ class Page:
             ("Report", self.reporting.view),
             ("Simulate and export", self.using.view),
             ("Switch-off", self.switching_off.view),
-            sizing_mode="stretch_width",
-            dynamic=False,
             active=SIGNALS,
-            stylesheets=[TABS_CSS],
         )
         left = self._sidebar.view(folder.root.name, str(folder.root), [self._sending.view])
         self._has_fleet = False
-        self.view = framed(left, [self._banner, self._tabs], self._look_like)
+        self.view = framed(left, [self._banner, self._tabs.view], self._look_like)
         self.list_folder()
         self._sidebar.take_address()
         self._connect()
@@ -102,9 +100,10 @@ class Page:
         self.editing.choose()
         if self.chosen:
             self.open_tests()
-        elif self.motor_name is None and self._tabs.active == SIGNALS:
-            self._tabs.active = 0
+        elif self.motor_name is None and self._tabs.shown is self.signals.view:
+            self._tabs.show(self.start.view)
         self._offer_tab()
+        self._tabs.render()
 
     def _connect(self) -> None:
         """Let the widgets act, and time too."""
@@ -121,7 +120,7 @@ class Page:
             (left.follow, self._begin_following),
         ):
             widget.param.watch(_without_event(act), "value")
-        self._tabs.param.watch(_without_event(self._offer_tab), "active")
+        self._tabs.view.param.watch(_without_event(self._offer_tab), "active")
         left.refresh.on_click(lambda _: self._look_again())
         if pn.state.curdoc is not None and pn.state.curdoc.session_context is not None:
             pn.state.add_periodic_callback(self._watch_in_time, period=WATCH_MS)
@@ -224,9 +223,9 @@ class Page:
         """Show the tab of fleets where there is one; in front where there is nothing else."""
         if self.fleet.list_fleets() and not self._has_fleet:
             self._has_fleet = True
-            self._tabs.append(("Fleet", self.fleet.view))
+            self._tabs.append("Fleet", self.fleet.view)
             if not has_tests:
-                self._tabs.active = len(self._tabs) - 1
+                self._tabs.show(self.fleet.view)
 
     def show_tests(self, names: list[str], motor: str | None) -> None:
         """Choose tests, and a motor file, as if on the left, and show their signals.
@@ -239,7 +238,7 @@ class Page:
         if motor in left.motor.options:
             left.motor.value = motor
         left.choose(names)
-        self._tabs.active = SIGNALS
+        self._tabs.show(self.signals.view)
 
     def list_runs(self, choose: Path | None = None) -> None:
         """Bring the list of runs up to date.
@@ -260,14 +259,14 @@ class Page:
 
     def open_tests(self) -> None:
         """Read the chosen tests in the background and show them."""
-        self._tabs.loading = True
+        self._tabs.view.loading = True
         self._tests.open(self.chosen, self._sidebar.motor_name)
 
     def _take(self, reading: Reading, is_growth: bool) -> None:
         self._banner.object = reading.problems
         if reading.checks is not None:
             self._checks.object = reading.checks
-        self._tabs.loading = False
+        self._tabs.view.loading = False
         if not is_growth or not self._grow():
             self._choose_channels()
             self._offer_tab()
@@ -275,7 +274,7 @@ class Page:
 
     def _offer_tab(self) -> None:
         """Prepare what takes a while once it is looked at."""
-        shown = self._tabs[self._tabs.active]
+        shown = self._tabs.shown
         is_asked = shown is self.start.view and bool(self.chosen) and self.motor_name is None
         self._banner.visible = not is_asked  # the tab asks for what could not be read
         if shown is self.sliders.view:
@@ -291,7 +290,7 @@ class Page:
         self._sidebar.motor.value = name
 
     def _calibrate(self) -> None:
-        self._tabs.active = list(self._tabs).index(self.calibrating.view)
+        self._tabs.show(self.calibrating.view)
         self.calibrating.start()
 
     def _grow(self) -> bool:
