@@ -697,7 +697,24 @@ def test_a_heat_capacity_alone_gives_the_closed_form():
     assert np.all(np.isinf(current_at_limit(duty, highest, 1e6, 300.0, 3)))
     # far above the limit the simulation overflows: that is no current to permit
     overflows = lambda current, duty: np.where(current > 100.0, np.nan, highest(current, duty))  # noqa: E731
-    np.testing.assert_array_equal(current_at_limit(duty, overflows, 155.0, 300.0, 3), found)
+    np.testing.assert_allclose(current_at_limit(duty, overflows, 155.0, 300.0, 3), found, 1e-5)
+    assert np.all(current_at_limit(duty, highest, 10.0, 300.0, 3) == 0.0)  # hot without current
+
+
+def test_the_search_for_a_current_takes_few_duties_also_where_copper_runs_away():
+    """Copper's resistance grows with its temperature: the rise has a pole, T = T0 + a I^2/(1 - b
+    I^2), beyond which there is no temperature.
+    """
+    a, b, asked = np.array([0.02, 0.03, 0.01]), np.array([1e-4, 2e-5, 1e-5]), []
+
+    def highest(current, duty):
+        asked.append(1)
+        left = 1.0 - b * current**2
+        return np.where(left > 0.0, 20.0 + a * current**2 / np.maximum(left, 1e-9), np.inf)
+
+    found = current_at_limit(parse_duty("S1", 1000.0), highest, 155.0, 300.0, 3)
+    np.testing.assert_allclose(found, np.sqrt(135.0 / (a + 135.0 * b)), rtol=1e-5)
+    assert len(asked) <= 14
 
 
 def test_names_are_read():
