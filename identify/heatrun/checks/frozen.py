@@ -7,7 +7,7 @@ fitted outside of the stretch and tells how far the temperature must have moved 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,7 @@ from ..record.rounding import rounding_step
 from ..record.samples import is_loaded, place, runs, samples, with_all_heat
 from ..record.stretch import windows, within
 from .advice import mask_line
-from .quick_fit import QuickFit, quick_fit
+from .quick_fit import QuickFit, course_of, fit_of, quick_fit
 from .time_axis import MAX_GAP_S, MAX_GAP_SHARE
 
 LIVE_STEP_K = 0.05
@@ -91,14 +91,12 @@ def frozen_stretches(record: Record, motor: Motor) -> Iterator[Stretch]:
         long &= length_s >= np.sort(length_s)[-MAX_TRIED]
     loaded = is_loaded(losses)
     for a, b in zip(first[long], past[long], strict=True):
+        if is_live and not loaded[a : b + 1].any():
+            continue
         from_s, to_s = float(time_s[a]), float(time_s[b])
         lowest, highest, doubt = _expected(record, motor, from_s, to_s)
         expected = highest - lowest if doubt else 0.0
-        if is_live:
-            is_frozen = bool(loaded[a : b + 1].any())
-        else:
-            is_frozen = expected > MOVED_STEPS * (step or 0.0) + doubt
-        if is_frozen:
+        if is_live or expected > MOVED_STEPS * (step or 0.0) + doubt:
             yield Stretch(from_s, to_s, float(winding[a]), expected, doubt, lowest, is_live)
 
 
@@ -137,8 +135,11 @@ def hidden_above_top(record: Record, motor: Motor) -> float:
     top = float(winding.max())
     spans = windows(time_s, winding == top)
     # A single crest of a live reading is no top; thousands of runs are flicker, not a cut.
-    fit = quick_fit(record, motor, left_out_s=spans) if len(spans) <= MAX_TOPS else None
-    if fit is None or not (inside := within(fit.time_s, spans)).any():
+    course = course_of(record, motor, left_out_s=spans) if len(spans) <= MAX_TOPS else None
+    # most tops last less than a block, and no fit tells of them
+    if course is None or not (inside := within(course.time_s, spans)).any():
+        return 0.0
+    if (fit := fit_of(course)) is None:
         return 0.0
     hidden = float(np.max(fit.fitted_degC[inside])) - top
     if hidden <= MOVED_STEPS * step + _doubt(fit, inside):
@@ -167,7 +168,7 @@ LIVE_SHARE = 0.9
 samples differ from the one before [1]; set-points and rounded readings are not."""
 
 
-def sensor_stuck(record: Record, motor: Motor) -> Iterator[Finding]:
+def sensor_stuck(record: Record, stretches: Sequence[Stretch]) -> Iterator[Finding]:
     """Report a winding temperature that stands still though heat flows.
 
     An error if more than 2 K of movement are missing, or the stretch is as long as a gap that is an
@@ -187,7 +188,7 @@ def sensor_stuck(record: Record, motor: Motor) -> Iterator[Finding]:
             values={"reading_degC": float(winding[0]), "from_s": float(time_s[0])},
         )
         return
-    for stretch in frozen_stretches(record, motor):
+    for stretch in stretches:
         lasts_s = stretch.to_s - stretch.from_s
         is_harmful = (
             lasts_s > MAX_GAP_S
@@ -253,7 +254,7 @@ def _flat_top(values: np.ndarray, extreme: float) -> np.ndarray:
     return flat if flat.sum() >= FLAT_SAMPLES else np.zeros_like(flat)
 
 
-def saturation(record: Record, motor: Motor) -> Iterator[Finding]:
+def saturation(record: Record, motor: Motor, stretches: Sequence[Stretch]) -> Iterator[Finding]:
     """Report flat tops: the extreme of a channel repeated as no live signal repeats it.
 
     A winding temperature that is rounded repeats values anyway; it is at the end of its range where
@@ -278,11 +279,11 @@ def saturation(record: Record, motor: Motor) -> Iterator[Finding]:
         top = winding.max()
         found.append(_flat(record, "winding_degC", "highest", top, time_s[winding == top]))
     of_winding = [one for one in found if "winding_degC" in one.where]
-    is_stuck = bool(of_winding) and _sticks(record, motor)
+    is_stuck = bool(of_winding) and _sticks(record, stretches)
     yield from (one for one in found if not (is_stuck and one in of_winding))
 
 
-def _sticks(record: Record, motor: Motor) -> bool:
+def _sticks(record: Record, stretches: Sequence[Stretch]) -> bool:
     """Whether the highest reading stands where the heat balance takes it below, or ends in a jump.
 
     What is clipped comes back as it went: it falls on at the rate at which it leaves the end of its
@@ -291,7 +292,7 @@ def _sticks(record: Record, motor: Motor) -> bool:
     time_s, winding = samples(record, "winding_degC")
     step = rounding_step(winding) or 0.0
     top = float(winding.max())
-    for one in frozen_stretches(record, motor):
+    for one in stretches:
         if one.reading_degC != top:
             continue
         if one.lowest_degC < top - MOVED_STEPS * step - one.doubt_K:

@@ -82,6 +82,7 @@ class Course:
     """Means of a test over blocks of one length.
 
     Attributes:
+        time_s: Middle of each block [s], shape (block,).
         step_s: Length of a block [s].
         winding_degC: Winding temperature, shape (block,).
         sink_degC: Temperature of the sink, shape (block,).
@@ -92,6 +93,7 @@ class Course:
         is_counted: Which temperatures count, shape (block,).
     """
 
+    time_s: Float[np.ndarray, " block"]
     step_s: float
     winding_degC: Float[np.ndarray, " block"]
     sink_degC: Float[np.ndarray, " block"]
@@ -226,30 +228,36 @@ def quick_fit(
         The fit, or None where the record has too little, or the network does not describe it.
     """
     course = course_of(record, motor, left_out_s=left_out_s, most_blocks=most_blocks)
-    if course is None or not np.max(course.all_W) > 0.0:
+    return None if course is None else fit_of(course)
+
+
+def fit_of(course: Course) -> QuickFit | None:
+    """Fit two nodes to a course; as `quick_fit`."""
+    if not np.max(course.all_W) > 0.0:
         return None
     rows = (course.winding_degC, course.sink_degC, course.copper_W, course.all_W)
     if not all(np.all(np.isfinite(each)) for each in rows):
         return None
-    look = _searched(course, (0.25 * course.step_s, 0.5 * course.duration_s),
-                     (2.0 * course.step_s, LONGEST * course.duration_s))  # fmt: skip
+    first_s = 0.25 * course.step_s, 2.0 * course.step_s
+    last_s = 0.5 * course.duration_s, LONGEST * course.duration_s
+    look = _closed_in(_look(course, np.geomspace(first_s, last_s, GRID, axis=1)))
     fast, slow = look.pairs_s[:, int(np.argmax(look.weight))]
-    ranges = (fast / LAG_REACH, LAG_REACH**2 * fast), (slow / LAG_REACH, 2.0 * slow)
-    late = [course.behind(sensor_s) for sensor_s in SENSOR_S]
-    tried = [_look(each, *(np.geomspace(*ends, GRID) for ends in ranges)) for each in late]
+    first_s, last_s = (fast / LAG_REACH, slow / LAG_REACH), (LAG_REACH**2 * fast, 2.0 * slow)
+    axes = np.geomspace(first_s, last_s, GRID, axis=1)
+    tried = [_look(course.behind(sensor_s), axes) for sensor_s in SENSOR_S]
     best = int(np.argmax([each.log_density for each in tried]))
     # a coarse grid misses the best pair by more than lags differ: from here on uphill
-    lagging = {best: _searched(late[best], *ranges)}
+    lagging = {best: _closed_in(tried[best])}
     while True:
-        for near in {max(best - 1, 0), min(best + 1, len(late) - 1)} - set(lagging):
-            lagging[near] = _searched(late[near], *ranges)
+        for near in {max(best - 1, 0), min(best + 1, len(tried) - 1)} - set(lagging):
+            lagging[near] = _closed_in(tried[near])
         top = max(lagging, key=lambda place: lagging[place].log_density)
         if top == best:
             break
         best = top
     if lagging[best].log_density > look.log_density + LAG_SHOWN:
-        course, look = late[best], lagging[best]
-    return _told(course, look, float(samples(record)[0][0]))
+        look = lagging[best]
+    return _told(look)
 
 
 def course_of(
@@ -285,8 +293,10 @@ def course_of(
         copper = motor.phases * squared[0] * motor.resistance_ratio(warm)
         copper = copper * (motor.phase_resistance_ohm or 1.0)
     excess = float(np.median((columns[0] - columns[1])[:lead]))
+    step_s = float(edges[1] - edges[0])
     return Course(
-        step_s=float(edges[1] - edges[0]),
+        time_s=float(samples(record)[0][0]) + step_s * (0.5 + np.arange(winding.size)),
+        step_s=step_s,
         winding_degC=winding,
         sink_degC=sink,
         copper_W=copper,
@@ -377,16 +387,14 @@ def weighed(log_weight: Float[np.ndarray, " point"]) -> Float[np.ndarray, " poin
     return weight / np.sum(weight)
 
 
-def _searched(course: Course, *ranges: tuple[float, float]) -> _Look:
-    """The grid of fast and slow time constants [s], drawn closer to the likely ones."""
-    axes = [np.geomspace(*ends, GRID) for ends in ranges]
-    look = _look(course, *axes)
+def _closed_in(look: _Look) -> _Look:
+    """The grid of fast and slow time constants, drawn closer to the likely ones."""
     for _ in range(MOST_LOOKS):
         likely = look.weight > SMALLEST * np.max(look.weight)
         if np.sum(likely) > ENOUGH * GRID**2:
             break
-        axes = [closer(axis, at[likely]) for axis, at in zip(axes, look.pairs, strict=True)]
-        look = _look(course, *axes)
+        places = zip(look.axes, look.pairs, strict=True)
+        look = _look(look.course, np.stack([closer(axis, at[likely]) for axis, at in places]))
     return look
 
 
@@ -394,6 +402,8 @@ class _Look(NamedTuple):
     """A grid of pairs of time constants.
 
     Attributes:
+        course: What they are to explain.
+        axes: Fast and slow time constants [s], shape (2, lag).
         lagged: As `Course.lagged`.
         pairs: Places of fast and slow lags on their axes, shape (2, pair).
         pairs_s: Time constants [s], shape (2, pair).
@@ -403,6 +413,8 @@ class _Look(NamedTuple):
         freedom: Independent blocks [1].
     """
 
+    course: Course
+    axes: np.ndarray
     lagged: np.ndarray
     pairs: np.ndarray
     pairs_s: np.ndarray
@@ -419,10 +431,11 @@ def _places(pairs: np.ndarray) -> np.ndarray:
     return np.concatenate([drives + fast, drives + GRID + slow, 0 * fast + 8 * GRID], axis=1)
 
 
-def _look(course: Course, fast_s: np.ndarray, slow_s: np.ndarray) -> _Look:
+def _look(course: Course, axes: np.ndarray) -> _Look:
+    fast_s, slow_s = axes
     pairs = np.argwhere(slow_s[None] >= APART * fast_s[:, None]).T
     pairs_s = np.stack([fast_s[pairs[0]], slow_s[pairs[1]]])
-    lagged, places = course.lagged(np.append(fast_s, slow_s)), _places(pairs)
+    lagged, places = course.lagged(axes.ravel()), _places(pairs)
     counted, mixed = lagged[:, course.is_counted], course.mixed(pairs_s)
     products = (counted @ counted.T)[places[:, :, None], places[:, None]]
     products = mixed @ products @ mixed.transpose(0, 2, 1)
@@ -437,11 +450,13 @@ def _look(course: Course, fast_s: np.ndarray, slow_s: np.ndarray) -> _Look:
     floor = FLOOR * float(np.max(total))
     log_weight = -0.5 * (freedom * np.log(found.squares + floor) + np.sum(away**2, axis=0))
     largest = float(np.max(log_weight))
-    return _Look(lagged, pairs, pairs_s, found, weighed(log_weight), largest, freedom)
+    weight = weighed(log_weight)
+    return _Look(course, axes, lagged, pairs, pairs_s, found, weight, largest, freedom)
 
 
-def _told(course: Course, look: _Look, from_s: float) -> QuickFit | None:
+def _told(look: _Look) -> QuickFit | None:
     """What the grid says: the best pair, and how far the others disagree with it."""
+    course = look.course
     likely = np.flatnonzero(look.weight > SMALLEST * np.max(look.weight))
     weight = look.weight[likely] / np.sum(look.weight[likely])
     best = int(np.argmax(weight))
@@ -464,7 +479,7 @@ def _told(course: Course, look: _Look, from_s: float) -> QuickFit | None:
     in_slow = np.array([R + more, R]) / (slow - fast)
     log_slow = np.log(look.pairs_s[1, likely])
     return QuickFit(
-        time_s=from_s + course.step_s * (0.5 + np.arange(course.winding_degC.size)),
+        time_s=course.time_s,
         fitted_degC=course.winding_degC - errors[best],
         sd_K=np.sqrt(within + weight @ (errors - errors[best]) ** 2),
         rms_K=rms,

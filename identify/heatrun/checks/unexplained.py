@@ -82,11 +82,11 @@ class Movement:
 def unexplained_movement(record: Record, motor: Motor) -> Movement | None:
     """Return the first movement of the winding's reading that no heat explains, None if none is."""
     course = _course(record, motor)
-    if course is None or not course.events(course.time_s.size):
+    if course is None or not (whole := course.events(course.time_s.size)):
         return None
     found: int | None = None
     for size in course.beginnings():
-        events = course.events(size)
+        events = course.events(size) if size < course.time_s.size else whole
         if found is not None and any(abs(one - found) <= course.near for one in events):
             return course.movement(found, size)
         found = events[0] if events else None
@@ -144,13 +144,9 @@ class _Course:
         floor = 0.3 * self.step_K + 0.01
         weights, solved = np.ones(rows.size), np.zeros(length.size)
         for _ in range(ROUNDS):
-            root = np.sqrt(weights)[:, None]
-            below = np.sqrt(RIDGE) * np.eye(length.size)
-            solved = np.linalg.lstsq(
-                np.concatenate([root * terms, below]),
-                np.concatenate([root[:, 0] * change, np.zeros(length.size)]),
-                rcond=None,
-            )[0]
+            weighed = weights[:, None] * terms
+            gram = terms.T @ weighed + RIDGE * np.eye(length.size)
+            solved = np.linalg.solve(gram, change @ weighed)
             rest = change - terms @ solved
             scale = max(1.4826 * float(np.median(np.abs(rest))), floor)
             far = np.abs(rest) / (TUKEY * scale)
@@ -202,8 +198,9 @@ class _Course:
         enough = np.abs(ahead) >= 0.9 * np.abs(ahead[far])
         moved = cell + int(np.argmax(enough))
         # a fault that lasts spoils the weights of the whole, one that passes those of a beginning
-        backs = (self._back(cell, moved, each) for each in (size, self.time_s.size))
-        back = next((each for each in backs if each is not None), None)
+        back = self._back(cell, moved, by_heat)
+        if back is None and size < self.time_s.size:
+            back = self._back(cell, moved, self.explained(self.time_s.size))
         until = self.time_s.size - 1 if back is None else back
         return Movement(
             from_s=float(self.time_s[cell]),
@@ -215,12 +212,12 @@ class _Course:
             is_back=back is not None,
         )
 
-    def _back(self, cell: int, moved: int, size: int) -> int | None:
+    def _back(self, cell: int, moved: int, by_heat: np.ndarray) -> int | None:
         """Return the last cell before the reading is back by a leap, None if it does not come.
 
         A drift of the network's own may cross the old level: back is where it stays a while.
         """
-        beside = self.reading - self.explained(size)
+        beside = self.reading - by_heat
         beside = beside - np.median(beside[max(cell - 5, 0) : cell + 1])
         fall = abs(float(beside[moved]))
         near = np.abs(beside[moved + 1 :]) < max((1.0 - LEAP) * fall, 2.0 * self.step_K)

@@ -168,7 +168,8 @@ def lead_in(time_s: np.ndarray, losses_W: np.ndarray) -> int:
     """
     if time_s.size == 0:
         return 0
-    idle = int(np.argmax(is_loaded(losses_W))) if is_loaded(losses_W).any() else time_s.size
+    loaded = is_loaded(losses_W)
+    idle = int(np.argmax(loaded)) if loaded.any() else time_s.size
     return max(idle, int(np.searchsorted(time_s, time_s[0] + START_S)))
 
 
