@@ -41,8 +41,11 @@ NUM_DRAWS = 300
 LARGEST = 6.0
 """Largest current of the search over the largest one tested [1]."""
 
+BRACKETS = (0.25, 0.5, 1.0)
+"""Shares of that current up to which it is sought, one after the other [1]."""
+
 CLOSE_K, MOST_STEPS = 1e-3, 24
-"""How near to the limit the search ends [K], and steps at most; it takes about six."""
+"""How near to the limit the search ends [K], and steps at most; it takes about five."""
 
 
 def current_at_limit(
@@ -54,8 +57,9 @@ def current_at_limit(
 ) -> np.ndarray:
     """Return the rms current at which the winding just reaches its limit [A], shape (draw,).
 
-    The temperature follows the squared current nearly along a line, so where the line between both
-    ends of a bracket crosses the limit is near to it.
+    The temperature follows the squared current nearly along a line as long as nothing runs away;
+    beyond, what it says is bounded, so that where the line between both ends of a bracket crosses
+    the limit is near to it.
 
     Args:
         duty: The duty.
@@ -74,23 +78,36 @@ def current_at_limit(
         found = highest(np.sqrt(squared), duty) - limit_degC
         return np.where(np.isnan(found), np.inf, found)
 
-    low, high = np.zeros(num_draws), np.full(num_draws, largest_A**2)
-    below_K, above_K = above(low), above(high)
-    is_beyond, is_never = above_K < 0.0, below_K >= 0.0
+    low, high = np.zeros(num_draws), np.zeros(num_draws)
+    at_low = at_high = above(low)
+    is_never, usual = at_low >= 0.0, np.maximum(-at_low, 1.0)
+    for share in BRACKETS:
+        is_cold = at_high < 0.0
+        if not is_cold.any():
+            break
+        low, at_low = np.where(is_cold, high, low), np.where(is_cold, at_high, at_low)
+        high = np.where(is_cold, (share * largest_A) ** 2, high)
+        at_high = above(high)
+    is_beyond = at_high < 0.0
+
+    def bounded(above_K: np.ndarray) -> np.ndarray:
+        capped = np.minimum(above_K, 1e30)
+        return capped / (np.abs(capped) + usual)
+
+    below_end, above_end = bounded(at_low), bounded(at_high)
     middle, was_hot = high, np.full(num_draws, np.nan)
     for _ in range(MOST_STEPS):
         with np.errstate(invalid="ignore", divide="ignore"):  # of draws without an answer
-            line = low - below_K * (high - low) / (above_K - below_K)
-        is_told = np.isfinite(above_K) & np.isfinite(line)
-        middle = np.where(is_told, np.clip(line, low, high), 0.5 * (low + high))
+            line = low - below_end * (high - low) / (above_end - below_end)
+        middle = np.where(is_beyond | is_never, high, np.clip(line, low, high))
         found = above(middle)
         if np.all((np.abs(found) < CLOSE_K) | is_beyond | is_never):
             break
         is_hot = found >= 0.0
         stays = np.where(was_hot == is_hot, 0.5, 1.0)
         low, high = np.where(is_hot, low, middle), np.where(is_hot, middle, high)
-        below_K = np.where(is_hot, stays * below_K, found)
-        above_K = np.where(is_hot, found, stays * above_K)
+        below_end = np.where(is_hot, stays * below_end, bounded(found))
+        above_end = np.where(is_hot, bounded(found), stays * above_end)
         was_hot = is_hot.astype(float)
     return np.where(is_beyond, np.inf, np.where(is_never, 0.0, np.sqrt(middle)))
 
