@@ -324,7 +324,7 @@ def test_a_time_says_how_probably_the_limit_is_reached(draws):
     assert f"reached with a probability of {100.0 * share:.0f} %" in entry.condition
     assert "… ∞ " in _rating(name, entry)
     assert _derived(entry, Texts())[2].endswith("… ∞")
-    assert _named(name, Texts("de")) == f"Zeit bis zur Grenze, {current}A cold"
+    assert _named(name, Texts("de")) == f"Zeit bis zur Grenze, {current}A kalt"
     assert _named("S4-40:5x2_current_A", Texts()) == "Current, S4-40:5x2"
 
 
