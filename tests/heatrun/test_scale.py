@@ -394,6 +394,16 @@ def test_what_is_left_out_is_predicted_within_its_doubt():
     assert np.max(off) < doubt + 0.05 * np.ptp(true[inside])
 
 
+def test_the_times_of_a_quick_fit_are_those_of_its_readings():
+    """Not of the blank ones before."""
+    whole = heat_run(1, step_s=1.0)
+    blank = np.where(whole.time_s < 600.0, np.nan, whole["winding_degC"])
+    found = quick_fit(changed(whole, winding_degC=blank), MOTOR)
+    half = 0.5 * (found.time_s[1] - found.time_s[0])
+    assert found.time_s[0] - half == pytest.approx(600.0)
+    assert found.time_s[-1] + half == pytest.approx(whole.time_s[-1])
+
+
 def test_a_course_of_no_network_is_not_fitted():
     record = heat_run(4, step_s=1.0)
     noise = np.random.default_rng(0).uniform(20.0, 90.0, record.time_s.size)

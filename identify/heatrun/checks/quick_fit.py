@@ -295,7 +295,7 @@ def course_of(
     excess = float(np.median((columns[0] - columns[1])[:lead]))
     step_s = float(edges[1] - edges[0])
     return Course(
-        time_s=float(samples(record)[0][0]) + step_s * (0.5 + np.arange(winding.size)),
+        time_s=0.5 * (edges[1:] + edges[:-1]),
         step_s=step_s,
         winding_degC=winding,
         sink_degC=sink,
