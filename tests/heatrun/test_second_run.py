@@ -21,7 +21,8 @@ from heatrun.jobs import calibrate as jobs
 from heatrun.motor.file import load_motor
 from heatrun.posterior.posterior import NUM_KEPT, keep
 from heatrun.record.motor import Certificate, Motor
-from heatrun.runs.run_folder import RunFolder, free_place
+from heatrun.record.record import Record
+from heatrun.runs.run_folder import RunFolder, default_folder, free_place
 from heatrun.work import (
     MOST_BEFORE_DONE,
     SILENT,
@@ -47,6 +48,12 @@ def test_the_name_of_a_folder_keeps_the_letters_under_their_marks():
     assert folder_name("Échauffement n° 2") == "echauffement-n-2"
     assert folder_name("巻線") == ""
     assert len(folder_name("a" * 200)) == 80
+
+
+def test_motor_and_test_of_one_name_stand_once_in_that_of_the_folder():
+    test = Record("dc run", {"time_s": np.arange(3.0)})
+    named = [default_folder(Motor(name=name), test, "second") for name in ("dc run", "coil")]
+    assert [path.name for path in named] == ["dc-run-second", "coil-dc-run-second"]
 
 
 def test_another_run_is_refused_and_the_first_stays(tmp_path):

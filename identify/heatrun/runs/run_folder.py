@@ -126,14 +126,16 @@ def refuse_changed(file: SourceFile, run: Path, kind: str) -> None:
 
 
 def default_folder(motor: Motor, test: Record, order: str) -> Path:
-    """Return where a run goes if no folder is given: named after motor and first test.
+    """Return where a run goes if no folder is given: named after motor and first test, once where
+    they have one name.
 
     Args:
         motor: The machine.
         test: The first test.
         order: What is calibrated, in a word.
     """
-    return Path("results") / "runs" / folder_name(f"{motor.name}-{test.name}-{order}")
+    words = "-".join(dict.fromkeys((motor.name, test.name, order)))
+    return Path("results") / "runs" / folder_name(words)
 
 
 def refuse_unwritable(path: Path) -> None:
