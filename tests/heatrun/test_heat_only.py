@@ -308,7 +308,7 @@ def test_a_sink_that_is_not_measured_is_named(motor, test, channel, folder, caps
     assert cli.main(["check", motor, test, "--model", "cooled", "--json"]) == 1
     findings = json.loads(capsys.readouterr().out)["findings"]
     (refusal,) = [f for f in findings if f["severity"] == "error"]
-    assert f"{said!r} loses heat to the {channel[:-5]} too" in refusal["message"]
+    assert f"the {said} loses heat to the {channel[:-5]} too" in refusal["message"]
     assert f"[columns] {channel}" in refusal["remedy"]
     words = ["calibrate", motor, "duty.csv", "--holdout", test, "--model", "cooled"]
     assert cli.main([*words, "--out", "refused"]) == 1
