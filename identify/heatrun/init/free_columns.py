@@ -355,6 +355,7 @@ def with_evidence(
     ohms = {f"'{u}' over '{i}'": quotient(volts, amperes) for (u, volts), (i, amperes) in pairs}
     loads = [one for name in LOADS for one in by_channel.get(name, {}).items()]
     is_turning = any(np.nan_to_num(known[name]).any() for name in TURNING if name in known)
+    room_degC = _room_at_first(known)
     found = [
         _looked_at(
             _resistance(one, values.get(one.name), ohms),
@@ -363,7 +364,7 @@ def with_evidence(
             products,
             loads[:MOST_LOADS],
             [] if is_turning else currents[:MOST_LOADS],
-            room_at_first(known),
+            room_degC,
         )
         for one in free
     ]
@@ -541,7 +542,7 @@ AS_COLD_K = 2.0
 """How far what is as cold as the room may read from it [K]."""
 
 
-def room_at_first(known: Mapping[str, np.ndarray]) -> float | None:
+def _room_at_first(known: Mapping[str, np.ndarray]) -> float | None:
     """Return the room's temperature at the start [degC], None where another one differs from it.
 
     Args:
@@ -623,22 +624,16 @@ def of_a_winding(
         values: Name of a column to what it holds, shape (time,), where it was looked at.
         readings: How the other columns are read.
     """
-    names = {volts.name: "winding_voltage_V", current.name: "phase_current_A"}
-    proposals = {
-        each.name: [one for one in each.proposals if one.channel == names[each.name]]
-        for each in (volts, current)
-        if each.name in values
-    }
-    if len(proposals) < 2 or not all(proposals.values()):
-        return None
-    (u,), (i,) = (each[:1] for each in proposals.values())
-    held = (
-        _converted(values[each.name], one.channel, one.unit)
-        for each, one in ((volts, u), (current, i))
-    )
+    found = []
+    for column, channel in ((volts, "winding_voltage_V"), (current, "phase_current_A")):
+        as_read = next((one for one in column.proposals if one.channel == channel), None)
+        if as_read is None or column.name not in values:
+            return None
+        found.append((as_read, _converted(values[column.name], channel, as_read.unit)))
+    (u, held_V), (i, amperes) = found
     known = {each.channel: _converted(values[each.column], each.channel, each.unit)
              for each in readings if each.column in values}  # fmt: skip
-    said = _voltage_evidence(next(held), [(current.name, next(held))], room_at_first(known))
+    said = _voltage_evidence(held_V, [(current.name, amperes)], _room_at_first(known))
     if not said["winding_voltage_V"].speaks:
         return None
     under = Evidence(True, f"under '{volts.name}' it flows through copper that warms", True)
