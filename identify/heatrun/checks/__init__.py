@@ -25,7 +25,7 @@ from .course import (
     truncation,
 )
 from .excitation import single_step, too_short
-from .frozen import frozen_stretches, saturation, sensor_stuck
+from .frozen import Looked, saturation, sensor_stuck
 from .heat import losses_absent, losses_of_dc_link
 from .load_spike import load_spike
 from .losses import current_amplitude, losses_below_copper, losses_negative, losses_of_shaft
@@ -44,12 +44,11 @@ from .time_axis import (
     time_gap,
     time_jitter,
 )
-from .unexplained import unexplained_movement
 from .units import ambient_implausible, unit_assumed, units_temperature
 from .which_unit import unit_suspected
 
 Check = Callable[..., Iterable[Finding]]
-"""Takes record and motor; one of the sensor, what `_of_the_sensor` hands it."""
+"""Takes record and motor; one of `OF_THE_SENSOR` what they have `Looked` at as well."""
 
 CHECKS: tuple[Check, ...] = (
     missing_channel,
@@ -162,11 +161,8 @@ def _of_the_sensor(record: Record, motor: Motor) -> tuple[list[Finding], Record]
     """Return the findings on the winding's reading in the order of time, and the record without."""
     told: list[Finding] = []
     for _ in range(MOST_FAULTS):
-        moved, stretches = unexplained_movement(record, motor), [*frozen_stretches(record, motor)]
-        found = [
-            *sensor_detached(record, motor, moved), *temperature_jump(record, motor, moved),
-            *saturation(record, motor, stretches), *sensor_stuck(record, stretches),
-        ]  # fmt: skip
+        looked = Looked.at(record, motor)
+        found = [one for check in OF_THE_SENSOR for one in check(record, motor, looked)]
         found = [one for one in found if not _is_below_a_top(one, told)]
         errors = [one for one in found if mended(record, motor, one)[0] is not record]
         if not errors:

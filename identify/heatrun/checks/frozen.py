@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from ..record.stretch import windows, within
 from .advice import mask_line
 from .quick_fit import QuickFit, course_of, fit_of, quick_fit
 from .time_axis import MAX_GAP_S, MAX_GAP_SHARE
+from .unexplained import Movement, unexplained_movement
 
 LIVE_STEP_K = 0.05
 """Below this rounding step the last digit of a live thermocouple flickers."""
@@ -72,6 +74,24 @@ class Stretch:
     doubt_K: float
     lowest_degC: float
     is_live: bool
+
+
+class Looked(NamedTuple):
+    """What the checks of the winding's reading share.
+
+    Attributes:
+        moved: As `unexplained_movement`.
+        stretches: As `frozen_stretches`.
+    """
+
+    moved: Movement | None
+    stretches: tuple[Stretch, ...]
+
+    @classmethod
+    def at(cls, record: Record, motor: Motor) -> Looked:
+        """Look at a record."""
+        stretches = tuple(frozen_stretches(record, motor))
+        return cls(unexplained_movement(record, motor), stretches)
 
 
 def frozen_stretches(record: Record, motor: Motor) -> Iterator[Stretch]:
@@ -168,7 +188,7 @@ LIVE_SHARE = 0.9
 samples differ from the one before [1]; set-points and rounded readings are not."""
 
 
-def sensor_stuck(record: Record, stretches: Sequence[Stretch]) -> Iterator[Finding]:
+def sensor_stuck(record: Record, _: Motor, looked: Looked) -> Iterator[Finding]:
     """Report a winding temperature that stands still though heat flows.
 
     An error if more than 2 K of movement are missing, or the stretch is as long as a gap that is an
@@ -188,7 +208,7 @@ def sensor_stuck(record: Record, stretches: Sequence[Stretch]) -> Iterator[Findi
             values={"reading_degC": float(winding[0]), "from_s": float(time_s[0])},
         )
         return
-    for stretch in stretches:
+    for stretch in looked.stretches:
         lasts_s = stretch.to_s - stretch.from_s
         is_harmful = (
             lasts_s > MAX_GAP_S
@@ -254,7 +274,7 @@ def _flat_top(values: np.ndarray, extreme: float) -> np.ndarray:
     return flat if flat.sum() >= FLAT_SAMPLES else np.zeros_like(flat)
 
 
-def saturation(record: Record, motor: Motor, stretches: Sequence[Stretch]) -> Iterator[Finding]:
+def saturation(record: Record, motor: Motor, looked: Looked) -> Iterator[Finding]:
     """Report flat tops: the extreme of a channel repeated as no live signal repeats it.
 
     A winding temperature that is rounded repeats values anyway; it is at the end of its range where
@@ -279,7 +299,7 @@ def saturation(record: Record, motor: Motor, stretches: Sequence[Stretch]) -> It
         top = winding.max()
         found.append(_flat(record, "winding_degC", "highest", top, time_s[winding == top]))
     of_winding = [one for one in found if "winding_degC" in one.where]
-    is_stuck = bool(of_winding) and _sticks(record, stretches)
+    is_stuck = bool(of_winding) and _sticks(record, looked.stretches)
     yield from (one for one in found if not (is_stuck and one in of_winding))
 
 

@@ -13,6 +13,7 @@ from ..record.rounding import rounding_step
 from ..record.samples import is_loaded, place, runs, samples, sink_channel, with_all_heat
 from ..record.stretch import windows
 from .advice import mask_line, use_line
+from .frozen import Looked
 from .unexplained import WINDOWS_S, Movement
 
 MAX_RATE_K_PER_S = 5.0
@@ -72,16 +73,17 @@ def _looks_like_kelvin(temperature: np.ndarray) -> bool:
     return bool(np.min(temperature) > 230.0 and np.median(temperature) < 500.0)
 
 
-def temperature_jump(record: Record, motor: Motor, moved: Movement | None) -> Iterator[Finding]:
+def temperature_jump(record: Record, motor: Motor, looked: Looked) -> Iterator[Finding]:
     """Report temperatures that move as no heat moves them.
 
-    Of any machine, as `jumps_at_once`; of this one, by how it `moved`. What is a fall to the sink
+    Of any machine, as `jumps_at_once`; of this one, by how it moved. What is a fall to the sink
     belongs to `sensor_detached`.
     """
     found = tuple(jumps_at_once(record, motor))
     yield from found
     if any("winding_degC" in finding.where for finding in found):
         return
+    moved = looked.moved
     if moved is None or is_fall(record, motor, moved):
         return
     change = moved.to_degC - moved.from_degC
@@ -208,7 +210,7 @@ def _falls(time_s: np.ndarray, temperature: np.ndarray, sink: np.ndarray) -> np.
     return (excess_then > MIN_EXCESS_K) & (excess_now < (1.0 - FALL_SHARE) * excess_then)
 
 
-def sensor_detached(record: Record, motor: Motor, moved: Movement | None) -> Iterator[Finding]:
+def sensor_detached(record: Record, motor: Motor, looked: Looked) -> Iterator[Finding]:
     """Report open-circuit readings of any temperature, and one that leaves the winding for the air.
 
     Fault codes such as 850, 1372, 32767 or -327.68 are told by value and by the leap to them. A
@@ -241,7 +243,7 @@ def sensor_detached(record: Record, motor: Motor, moved: Movement | None) -> Ite
         )
         if channel == "winding_degC":
             return
-    fallen = _fallen(record, motor, moved)
+    fallen = _fallen(record, motor, looked.moved)
     if fallen is not None:
         yield fallen
 
