@@ -204,7 +204,7 @@ class Cooling:
         """What the motor file says of such readings."""
         return self.motor.shutdown
 
-    @property
+    @cached_property
     def sources(self) -> dict[str, Source]:
         """What the extrapolation depends on beside the modes, by a key, where not exactly known."""
         said = self.said
@@ -237,7 +237,7 @@ class Cooling:
             found["lag"] = Source("lag of the sensor", "s", said.sensor_lag_s, 0.4, "log-normal")
         return {key: one for key, one in found.items() if one.standard_uncertainty > 0.0}
 
-    @property
+    @cached_property
     def instruments(self) -> dict[str, Source]:
         """Errors that all readings share, which no reading tells anything of."""
         said = self.said
@@ -253,7 +253,7 @@ class Cooling:
             }
         return {key: one for key, one in found.items() if one.sd > 0.0}
 
-    @property
+    @cached_property
     def sink(self) -> Source:
         """The temperature that the readings would end at, as their instruments show it."""
         at = np.full(1, self.sink_degC)
@@ -311,29 +311,28 @@ class Cooling:
             lag_s: Of a sensor that was in equilibrium before [s], shape (draw, 1).
 
         Returns:
-            Shapes (draw, time) and (draw, time, linear).
+            Shapes (draw, time) and (draw, linear, time).
         """
         values = self.values(z)
-        tau = self.modes.times(z)
+        tau = self.modes.times(z)[:, :, None]
         mean, factor = self.modes.amplitudes(z)
-        time_s = np.broadcast_to(np.maximum(time_s, 0.0), (len(z), np.shape(time_s)[-1]))
+        time_s = np.broadcast_to(np.maximum(time_s, 0.0), (len(z), np.shape(time_s)[-1]))[:, None]
         stays = np.full(tau.shape, self.said.current_after**2)
         kept = values.get("losses_after", np.full((len(z), 1), self.said.losses_after))
-        stays[:, -1] = np.clip(kept[:, 0], 0.0, 1.0)  # the slow mode is fed by all losses
-        decay = _lagged(time_s[:, :, None], tau[:, None, :], np.asarray(lag_s)[..., None])
-        decay = (1.0 - stays[:, None, :]) * decay + stays[:, None, :]
+        stays[:, -1] = np.clip(kept, 0.0, 1.0)  # the slow mode is fed by all losses
+        decay = _lagged(time_s, tau, np.asarray(lag_s)[..., None])
+        decay = (1.0 - stays) * decay + stays
         if "speed" in values:
             speed = values["speed"]
-            turning = np.exp(-time_s / speed)
-            still_heated = values["run_down"] * speed / tau[:, -1:]
-            decay[:, :, -1] += still_heated * (1.0 - turning)
+            turning = np.exp(-time_s[:, 0] / speed)
+            still_heated = values["run_down"] * speed / tau[:, -1]
+            decay[:, -1] += still_heated * (1.0 - turning)
+            of_winding = slice(self.modes.num_winding)
             still_cooled = values["stirring"] * speed * turning
-            decay[:, :, : self.modes.num_winding] += (
-                still_cooled[:, :, None] / tau[:, None, : self.modes.num_winding]
-            )
-        of_sink = np.full((*time_s.shape, 1), self.sink.sd)
-        added = np.concatenate([decay @ factor, of_sink], axis=2)
-        return self.sink_degC + (decay @ mean[:, :, None])[:, :, 0], added
+            decay[:, of_winding] += still_cooled[:, None] / tau[:, of_winding]
+        of_sink = np.full((len(z), 1, time_s.shape[-1]), self.sink.sd)
+        added = np.concatenate([np.swapaxes(factor, 1, 2) @ decay, of_sink], axis=1)
+        return self.sink_degC + (mean[:, None] @ decay)[:, 0], added
 
     def winding(self, z: Draws, time_s: np.ndarray) -> np.ndarray:
         """Return the winding's temperature as the readings' instruments show it [degC].
@@ -361,7 +360,7 @@ class Cooling:
         return self._linear(z, time_s + values.get("moment", 0.0), values.get("lag", 0.0))
 
     def _joined(self, z: Draws, course: np.ndarray, added: np.ndarray) -> np.ndarray:
-        return course + (added @ z[:, self.num_nonlinear :, None])[:, :, 0]
+        return course + (z[:, None, self.num_nonlinear :] @ added)[:, 0]
 
     @cached_property
     def slope_K_per_s(self) -> np.ndarray:
@@ -382,17 +381,17 @@ class Cooling:
         """Return residuals over their scatter, that [K], precision and its vector of the others."""
         course, added = self._read(z, self.time_s)
         sd = self.noise_K(z) * self.scatter
-        residual, added = (self.reading_degC - course) / sd, added / sd[:, :, None]
-        across = np.swapaxes(added, 1, 2)
-        vector = (across @ residual[:, :, None])[:, :, 0]
-        return residual, sd, np.eye(added.shape[2]) + across @ added, vector
+        residual, added = (self.reading_degC - course) / sd, added / sd[:, None]
+        vector = (added @ residual[:, :, None])[:, :, 0]
+        return residual, sd, np.eye(added.shape[1]) + added @ np.swapaxes(added, 1, 2), vector
 
     def log_likelihood(self, z: Draws) -> np.ndarray:
         """Return the log likelihood of nonlinear numbers, the linear ones integrated out."""
         residual, sd, precision, vector = self._given(z)
         moved = np.linalg.solve(precision, vector[:, :, None])[:, :, 0]
         squares = np.sum(residual**2, axis=1) - np.sum(vector * moved, axis=1)
-        return -0.5 * (squares + np.linalg.slogdet(precision)[1]) - np.sum(np.log(sd), axis=1)
+        log_det = np.linalg.slogdet(precision)[1]
+        return -0.5 * (squares + log_det) - np.sum(np.log(sd), axis=1)
 
     def posterior(self, seed: int) -> Draws:
         """Return draws of all numbers, given the readings, shape (draw, number).
