@@ -385,6 +385,15 @@ def test_a_stated_load_that_is_none_is_refused(wrong, said):
         parse_rating(wrong, 1.0, None)
 
 
+def test_start_temperatures_are_those_of_one_of_the_networks():
+    networks = [("winding",), ("winding", "stator")]
+    for start in ("winding=80", "stator=50,winding=80"):
+        parse_rating(f"time:150A:{start}", 1.0, None, networks)
+    said = "expected start temperatures of winding, or winding and stator, got rotor and winding"
+    with pytest.raises(UsageError, match=said):
+        parse_rating("time:150A:rotor=70,winding=80", 1.0, None, networks)
+
+
 @pytest.mark.parametrize("kind", ["balance", "map"])
 def test_the_figures_of_the_first_order(kind):
     rng = np.random.default_rng(2)

@@ -96,7 +96,9 @@ def calibrate_into(
     # what the sheet says beside the numbers: a run with other words on it is another result
     stated = motor.certificate.as_section()
     # with what a file says; wrong use is said before anything is fitted
-    duties = [repr(parse_rating(each, 1.0, motor.rated_current_A)) for each in settings.duties]
+    nodes = [form.nodes for form in settings.forms]
+    rated_A = motor.rated_current_A
+    duties = [repr(parse_rating(each, 1.0, rated_A, nodes)) for each in settings.duties]
     further = (*duties, *([json.dumps(stated, sort_keys=True)] if stated else []))
     folder = place.begin(same, say, further)
     names = [form.name for form in settings.forms]

@@ -7,7 +7,7 @@ current.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -168,7 +168,9 @@ def parse_duty(text: str, slow_s: float) -> Duty:
     return cycled(text, tuple(stated), "", words)
 
 
-def parse_rating(text: str, slow_s: float, rated_A: float | None) -> Duty | Stated:
+def parse_rating(
+    text: str, slow_s: float, rated_A: float | None, nodes: Sequence[Collection[str]] = ()
+) -> Duty | Stated:
     """Return what is asked for by `--rating`.
 
     Args:
@@ -176,9 +178,10 @@ def parse_rating(text: str, slow_s: float, rated_A: float | None) -> Duty | Stat
             rated current.
         slow_s: As `parse_duty`.
         rated_A: Rated current [A]; None where the motor file gives none.
+        nodes: Of each network that it is asked of; not looked at where none are given.
 
     Raises:
-        UsageError: As `parse_duty`.
+        UsageError: As `parse_duty`, and for start temperatures of nodes that no network has.
         InputError: Likewise.
     """
     sought, _, name = text.partition(":")
@@ -189,6 +192,9 @@ def parse_rating(text: str, slow_s: float, rated_A: float | None) -> Duty | Stat
         load, _, said = name.partition(":")
         # a load that is held is a phase of any length
         parts, start, name = [f"{load}x1"], _start(said), f"{load}_{said or 'cold'}"
+        if isinstance(start, Mapping) and nodes and set(start) not in map(set, nodes):
+            each, got = ", or ".join(map(" and ".join, nodes)), " and ".join(start)
+            raise UsageError(f"rating {text!r}: expected start temperatures of {each}, got {got}.")
     phases = []
     for found in map(PHASE.fullmatch, parts):
         if found is None or (start is None and sought == "time"):
