@@ -910,6 +910,32 @@ def test_speeds_that_nothing_tells_are_refused(two_speeds, tmp_path, capsys, spe
     assert not (two_speeds / "ratings").exists()
 
 
+def test_any_duty_and_stated_load_is_rated_at_each_speed(two_speeds, tmp_path, capsys):
+    """A current that is permitted for half an hour reaches the limit after half an hour."""
+    words = ["export", str(two_speeds), "--to", "ratings", "--speeds", "2000,4000"]
+    asked = ["--rating", "S2-30", "--rating", "S1", "--rating", "S2:1x1800"]
+    assert cli.main([*words, *asked, "--out", str(tmp_path / "duties")]) == 0
+    assert not (tmp_path / "duties" / "stated_loads.csv").exists()
+    table = pd.read_csv(tmp_path / "duties" / "ratings.csv", comment="#")
+    assert list(table.duty) == 2 * ["S1", "S2-30", "S2:1x1800"]
+    half = table.set_index(["speed_rpm", "duty"]).current_A
+    assert half[4000, "S2:1x1800"] == pytest.approx(half[4000, "S2-30"], rel=1e-3)
+
+    asked = ["--rating", f"time:{half[4000, 'S2-30']}A", "--rating", "starts:1x9"]
+    assert cli.main([*words, *asked, "--out", str(tmp_path / "loads"), "--language", "de"]) == 0
+    rows = pd.read_csv(tmp_path / "loads" / "stated_loads.csv", comment="#")
+    times = rows[rows.name.str.startswith("time_to_limit")].set_index("speed_rpm").value
+    assert times[4000] == pytest.approx(1800.0, rel=2e-3)
+    assert times[2000] > 1.1 * times[4000]  # where the other losses are smaller
+    names = ["starts_1x9_cold", "pause_1x9_cold_s", "starts_1x9_hot", "pause_1x9_hot_s"]
+    assert list(rows.name[1:5]) == names
+    assert not re.search(r"\b(sink|losses|reach)\b", " ".join(rows.condition.fillna("")))
+    assert "2000 rpm  time_to_limit_" in capsys.readouterr().out
+
+    assert cli.main([*words, "--rating", "S9-1", "--out", str(tmp_path / "none")]) == 2
+    assert cli.main(["export", str(two_speeds), "--to", "drive", "--rating", "S1"]) == 2
+
+
 def test_another_map_is_not_replaced_without_being_asked(two_speeds, tmp_path, capsys):
     words = ["export", str(two_speeds), "--to", "ratings", "--out", str(tmp_path), "--speeds"]
     assert cli.main([*words, "2000"]) == 0

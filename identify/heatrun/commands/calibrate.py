@@ -42,19 +42,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         help="keep the network without the effects that the tests ask for; the verdict says what "
         "that costs",
     )
-    parser.add_argument(
-        "--rating",
-        action="append",
-        default=[],
-        metavar="S1|S2-MIN|S3-PCT|S4-PCT:START|…|time:A|starts:AxS|DUTY.csv",
-        help="largest current of a duty within the permitted rise, such as S2-30 (30 min), S3-40 "
-        "(40 %% of 10 min), S6-40, S4-40:5x2 (starts of 5 times the current for 2 s), "
-        "S5-40:5x2,3x1 and S7:5x2,3x1 (start, braking), S8:1x300@3000,0.7x300@1500 (phases with "
-        "their rpm), 60/h for the cycles in an hour, or a CSV file with seconds and current_A of "
-        "each phase of the cycle, speed_rpm and other_losses_W where they differ; time:150A:hot "
-        "and starts:600Ax5@0 are the time to the limit and the permissible starts at stated "
-        "currents; may be given several times",
-    )
+    words.add_rating(parser)
     words.add_sampling(parser)
     words.add_meta(parser)
     words.add_language(parser)

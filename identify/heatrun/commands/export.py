@@ -55,7 +55,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "and equations. drive: time constants, resistances and I2t for the "
         "motor protection of a drive, as a sheet and TOML. mujoco: a <dcmotor> with its thermal "
         "model. ratings: permitted currents against speed, continuous and for 60, 30 and 10 "
-        "minutes, as CSV, JSON and figure",
+        "minutes or as --rating asks, as CSV, JSON and figure",
     )
     parser.add_argument(
         "--step",
@@ -69,6 +69,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         help="speeds of the ratings (default: those tested under load); a file has speed_rpm and, "
         "where no test tells them, other_losses_W",
     )
+    words.add_rating(parser, " (default: S2-60, S2-30, S2-10; S1 is always there)")
     words.add_language(parser, "of the ratings")
     parser.add_argument(
         "--motor-constant",
@@ -139,6 +140,8 @@ def _refuse_mixed(options: argparse.Namespace) -> None:
         raise UsageError("--motor-constant is for --to mujoco; nothing else simulates a torque")
     if options.to != "ratings" and options.speeds is not None:
         raise UsageError("--speeds is for --to ratings; the other exports take speeds as they come")
+    if options.to != "ratings" and options.rating:
+        raise UsageError("--rating is for --to ratings; the other exports hold the network")
     if options.to != "ratings" and options.language:
         raise UsageError("--language is for --to ratings; the other exports are for programs")
     if options.to not in OF_RUN:
@@ -166,7 +169,8 @@ def _of_run(options: argparse.Namespace) -> dict[str, Any]:
     if options.to == "mujoco":
         return export_mujoco(options.source, motor_constant=options.motor_constant, **where)
     if options.to == "ratings":
-        words_of = {"speeds": options.speeds, "language": options.language}
+        words_of = {"speeds": options.speeds, "language": options.language,
+                    "duties": options.rating}  # fmt: skip
         return export_ratings(options.source, **words_of, **where)
     if options.to in OF_TEST:
         return export_source(

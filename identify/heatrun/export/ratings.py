@@ -1,9 +1,10 @@
-"""A run as a map of ratings: permitted currents against speed, as JSON, CSV and figure."""
+"""A run as a map of ratings against speed: JSON, CSV, lines and figure."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,9 @@ from ..io.quantities import rounded
 from ..io.texts import LANGUAGES, Texts
 from ..io.whole_files import numbered
 from ..results import to_json
+from ..results.model import DerivedFigure
 from ..results.values import known
-from ..runs.rating_map import Permitted, RatingMap, rating_map
+from ..runs.rating_map import SHORT, Endured, Permitted, RatingMap, rating_map
 from ..runs.run import certificate_of, open_run
 from ..version import __version__
 from .contents import write_export
@@ -29,17 +31,19 @@ def export_ratings(
     run: Path,
     *,
     speeds: str | None = None,
+    duties: Sequence[str] = (),
     language: str = "",
     folder: Path | None = None,
     network: str | None = None,
     is_replacing: bool = False,
 ) -> dict[str, Any]:
-    """Write the permitted currents of a run, continuous and for a time, at several speeds.
+    """Write the permitted currents of a run at several speeds, and what stated loads lead to.
 
     Args:
         run: The run folder.
         speeds: Speeds with commas between [rpm], or a CSV file of `COLUMNS`; None for those that
             were run under load.
+        duties: What is rated beside S1, as `--rating`; none for 60, 30 and 10 minutes from cold.
         language: Of the files' words; empty for that of the run's certificate.
         folder: Where the files go; None for a folder `ratings` in the run, numbered where that
             holds another export.
@@ -51,11 +55,12 @@ def export_ratings(
         and findings.
 
     Raises:
-        UsageError: If the speeds are no numbers.
+        UsageError: If the speeds are no numbers, or a duty is none.
         InputError: As `rating_map` and `write_export`.
     """
     opened = open_run(run)
-    found = rating_map(opened, None if speeds is None else read_speeds(speeds), network)
+    asked = None if speeds is None else read_speeds(speeds)
+    found = rating_map(opened, asked, network, duties or SHORT)
     say = Texts(language or certificate_of(opened).language or LANGUAGES[0])
     title = opened.result.models[found.network].title
     limit = say.again(found.limit)
@@ -70,6 +75,7 @@ def export_ratings(
         "limit": limit,
         "tested_rpm": found.tested_rpm,
         "ratings": [_row(row, say) for row in found.rows],
+        "stated_loads": [_endured(row, say) for row in found.endured],
     }
     table = pd.DataFrame(content["ratings"]).to_csv(index=False, lineterminator="\n")
     files = {
@@ -77,6 +83,9 @@ def export_ratings(
         "ratings.csv": f"# {content['about']}; {limit}\n{table}".encode(),
         "ratings.png": figure(found, opened.motor.name, opened.motor.rated_current_A, say),
     }
+    if found.endured:
+        loads = pd.DataFrame(content["stated_loads"]).to_csv(index=False, lineterminator="\n")
+        files["stated_loads.csv"] = f"# {content['about']}; {limit}\n{loads}".encode()
     places = [folder] if folder else numbered(run / "ratings")
     inputs = tuple(Path(entry["path"]) for entry in opened.manifest["inputs"])
     written = write_export(places, files, inputs, is_replacing=is_replacing)
@@ -142,6 +151,19 @@ def _row(row: Permitted, say: Texts) -> Mapping[str, Any]:
     }
 
 
+def _endured(row: Endured, say: Texts) -> Mapping[str, Any]:
+    low, high = row.found.ends
+    return {
+        "speed_rpm": row.speed_rpm,
+        "name": row.name,
+        "value": row.found.median,
+        "low_95": low,
+        "high_95": high,
+        "condition": say.again(known(row.found.condition) or ""),
+        "refused": say.again(known(row.found.refused) or ""),
+    }
+
+
 def lines(found: RatingMap) -> list[str]:
     """Return the map as lines: a heading, a row for each speed, and what lies beyond the tests."""
     by_speed: dict[float, list[Permitted]] = {}
@@ -153,7 +175,7 @@ def lines(found: RatingMap) -> list[str]:
     for rpm, rows in by_speed.items():
         cells.append([
             f"{rpm:.0f}",
-            *(_cell(row) for row in rows),
+            *(_cell(row.current) for row in rows),
             f"{rows[0].other_losses_W:.0f}, {rows[0].other_losses_from}",
         ])  # fmt: skip
     widths = [max(len(row[i]) for row in cells) for i in range(len(head))]
@@ -161,24 +183,28 @@ def lines(found: RatingMap) -> list[str]:
             for row in cells]  # fmt: skip
     whys = dict.fromkeys(
         f"* {row.speed_rpm:.0f} rpm: {words}"
-        for row in found.rows
-        if (words := f"refused, {why}" if (why := known(row.current.refused)) else _beyond(row))
+        for row, rating in (
+            *((row, row.current) for row in found.rows),
+            *((row, row.found) for row in found.endured),
+        )
+        if (words := f"refused, {why}" if (why := known(rating.refused)) else _beyond(rating))
     )
     title = f"Permitted currents at {found.limit}, rms, with 95 % intervals:"
-    return [title, *(f"  {line}" for line in (*said, *whys))]
+    loads = [f"{row.speed_rpm:.0f} rpm  {row.name}: {_cell(row.found)}" for row in found.endured]
+    return [title, *(f"  {line}" for line in (*said, *loads, *whys))]
 
 
-def _beyond(row: Permitted) -> str:
-    _, word, rest = (known(row.current.condition) or "").partition("extrapolated, ")
+def _beyond(rating: DerivedFigure) -> str:
+    _, word, rest = (known(rating.condition) or "").partition("extrapolated, ")
     return word + rest
 
 
-def _cell(row: Permitted) -> str:
-    if known(row.current.refused):
+def _cell(rating: DerivedFigure) -> str:
+    if known(rating.refused):
         return "refused*"
-    low, high = row.current.ends
-    star = "*" if _beyond(row) else ""
-    median = rounded(row.current.median, 4)
+    low, high = rating.ends
+    star = "*" if _beyond(rating) else ""
+    median = rounded(rating.median, 4)
     return f"{median} ({rounded(low, 4)} … {rounded(high, 4)}){star}"
 
 
@@ -195,23 +221,24 @@ def figure(found: RatingMap, machine: str, rated_A: float | None, say: Texts) ->
 
     from ..reports.figures import COLOURS, NODES
 
-    colours = (COLOURS["measured"], COLOURS["second"], NODES[0], COLOURS["first"])
+    colours = cycle((COLOURS["measured"], COLOURS["second"], NODES[0], COLOURS["first"]))
     drawn = Figure(figsize=(7.2, 4.4), layout="constrained")
     axis = drawn.add_subplot()
     duties = list(dict.fromkeys(row.duty for row in found.rows))
     has_beyond = False
-    for duty, colour in zip(duties, colours, strict=True):
+    for place, (duty, colour) in enumerate(zip(duties, colours, strict=False)):
         rows = [r for r in found.rows if r.duty == duty and not known(r.current.refused)]
         if not rows:
             continue
         rpm, middle = [r.speed_rpm for r in rows], [r.current.median for r in rows]
         low, high = zip(*(r.current.ends for r in rows), strict=True)
         ends = np.abs(np.array([low, high]) - middle)
-        name = say("ratings_S1") if duty == "S1" else say("ratings_S2", duty=duty, min=duty[3:])
-        axis.errorbar(rpm, middle, ends, color=colour, lw=1.2, capsize=3, elinewidth=1.0,
-                      label=name)  # fmt: skip
+        style = ("-", "--", ":", "-.")[place // 4 % 4]
+        axis.errorbar(rpm, middle, ends, color=colour, ls=style, lw=1.2, capsize=3, elinewidth=1.0,
+                      label=_label(duty, say))  # fmt: skip
         for is_beyond in (False, True):
-            at = [(r.speed_rpm, r.current.median) for r in rows if bool(_beyond(r)) == is_beyond]
+            at = [(r.speed_rpm, r.current.median) for r in rows
+                  if bool(_beyond(r.current)) == is_beyond]  # fmt: skip
             face = "white" if is_beyond else colour
             axis.plot(*zip(*at, strict=True) if at else ((), ()), "o", ms=5, color=colour,
                       markerfacecolor=face)  # fmt: skip
@@ -230,3 +257,10 @@ def figure(found: RatingMap, machine: str, rated_A: float | None, say: Texts) ->
     stream = io.BytesIO()
     drawn.savefig(stream, format="png", dpi=150, metadata={"Software": "heatrun export: ratings"})
     return stream.getvalue()
+
+
+def _label(duty: str, say: Texts) -> str:
+    kind, _, minutes = duty.partition("-")
+    if kind == "S2" and minutes.isdigit():
+        return say("ratings_S2", duty=duty, min=minutes)
+    return say("ratings_S1") if duty == "S1" else duty

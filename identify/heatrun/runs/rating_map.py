@@ -1,4 +1,4 @@
-"""Permitted currents against speed: continuous and for a time, at the limits of the insulation.
+"""Ratings against speed: permitted currents, and what a stated load leads to.
 
 A load is the copper loss, which follows current and temperature, and the other losses, which a
 balance tells at the speeds that were run under load. Between these they are interpolated linearly:
@@ -36,10 +36,11 @@ from .duties import (
 from .machine import RAD_PER_S, SAME_LOAD, Machine, Tested, extrapolated, machines
 from .ratings_figures import rates
 from .run import Run
-from .stated_duty import parse_duty
+from .stated_duty import Stated, parse_rating
+from .until_limit import until_limit
 
 SHORT = ("S2-60", "S2-30", "S2-10")
-"""Time-limited duties, from cold."""
+"""Time-limited duties, from cold: those of a map where none are asked for."""
 
 SAME_SPEED = 0.02
 """Relative distance above the highest tested speed at which its losses still count [1]."""
@@ -68,36 +69,58 @@ class Permitted:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Endured:
+    """What a load whose current is stated leads to at a speed.
+
+    Attributes:
+        speed_rpm: Speed [rpm].
+        name: As in `fit.json`, such as `"time_to_limit_150A_cold_s"`.
+        found: Time [s], number of starts [1] or pause [s], or why there is none.
+    """
+
+    speed_rpm: float
+    name: str
+    found: DerivedFigure
+
+
+@dataclass(frozen=True, kw_only=True)
 class RatingMap:
-    """Permitted currents of a run.
+    """Ratings of a run at several speeds.
 
     Attributes:
         network: Name of the network.
         limit: What the winding is held at: the permitted rise, else the temperature of the class.
         tested_rpm: Speeds that were run under load [rpm].
         rows: The currents.
+        endured: What stated loads lead to.
     """
 
     network: str
     limit: str
     tested_rpm: tuple[float, ...]
     rows: tuple[Permitted, ...]
+    endured: tuple[Endured, ...] = ()
 
 
 def rating_map(
-    run: Run, speeds: Mapping[float, float | None] | None = None, network: str | None = None
+    run: Run,
+    speeds: Mapping[float, float | None] | None = None,
+    network: str | None = None,
+    duties: Sequence[str] = SHORT,
 ) -> RatingMap:
-    """Return the permitted currents of a run at several speeds.
+    """Return the ratings of a run at several speeds.
 
     Args:
         run: The run.
         speeds: Speeds [rpm], each with its losses other than copper [W] or None for those of the
             tests; None for the speeds of the tests.
         network: Its name; the last one if None.
+        duties: What is rated beside S1, as `heatrun.runs.stated_duty.parse_rating`.
 
     Raises:
         InputError: If the run does not know speed, limit or copper loss, or a speed has losses or
             a cooling that its tests do not tell.
+        UsageError: If a duty is none.
     """
     name = run.choose(network)
     load = known(run.result.models[name].load)
@@ -122,7 +145,8 @@ def rating_map(
     amperes = [float(np.sqrt(drive.current_squared)) for _, drive, _ in levels]
     asked = speeds or dict.fromkeys(np.round(tested).tolist())
     _refuse_unknown(run, (*base.model.effects, *draw_values.likely), seen, tested, asked)
-    rows: list[Permitted] = []
+    rows, endured = list[Permitted](), list[Endured]()
+    rated_A = run.motor.rated_current_A
     for rpm, given in sorted(asked.items()):
         at = _at(seen, rpm)
         wanted = float(np.interp(rpm, tested, watts)) if given is None else given
@@ -132,19 +156,34 @@ def rating_map(
         beyond = "" if _is_near(rpm, tested) else f"tested at {_span(tested)}"
         run_A = seen.current_A if given is not None else float(np.interp(rpm, tested, amperes))
         there = replace(seen, loaded=moved, current_A=run_A)
+        machine, by_S1 = _at_speed(base, draw_values, there, limit, rated_A)
+        slow_s = float(np.median(machine.times[:, -1]))
+        currents = {"S1": by_S1}
+        for text in duties:
+            if text == "S1":
+                continue
+            asked_for = parse_rating(text, slow_s, rated_A, [base.model.form.nodes])
+            if isinstance(asked_for, Stated):
+                endured += [
+                    Endured(speed_rpm=rpm, name=name, found=extrapolated(entry, beyond))
+                    for name, entry in until_limit(machine, asked_for).items()
+                ]
+            else:
+                currents[asked_for.name] = duty_current(machine, asked_for)
         rows += [
             Permitted(
                 speed_rpm=rpm, duty=duty, other_losses_W=wanted,
                 other_losses_from=_from(rpm, given, tested),
                 current=extrapolated(entry, beyond),
             )
-            for duty, entry in _at_speed(base, draw_values, there, limit)
+            for duty, entry in currents.items()
         ]  # fmt: skip
     if all(known(row.current.refused) == NO_CURRENT for row in rows):
         raise InputError(f"no map of ratings: {NO_CURRENT}.", where=str(run.path))
     return RatingMap(
-        network=name, limit=str(limit), tested_rpm=tuple(tested.tolist()), rows=tuple(rows)
-    )
+        network=name, limit=str(limit), tested_rpm=tuple(tested.tolist()), rows=tuple(rows),
+        endured=tuple(endured),
+    )  # fmt: skip
 
 
 def _levels(run: Run, seen: Tested) -> Iterator[tuple[float, Drive, float]]:
@@ -193,9 +232,9 @@ def _median_other(draw_values: DrawValues, drive: Drive, degC: float) -> float:
 
 
 def _at_speed(
-    base: DrawValues, draw_values: DrawValues, seen: Tested, limit: Limit
-) -> Iterator[tuple[str, DerivedFigure]]:
-    """Yield each duty with its current, the longest first."""
+    base: DrawValues, draw_values: DrawValues, seen: Tested, limit: Limit, rated_A: float | None
+) -> tuple[Rated, DerivedFigure]:
+    """Return the machine at a speed, to be rated, and its continuous current."""
     winding = seen.loaded_winding_degC
     drawn = _machine(draw_values, seen.loaded, winding, limit)
     alone, network = (
@@ -207,10 +246,9 @@ def _at_speed(
         second_sink=base.model.form.second_sink, likely=draw_values.likely,
     )  # fmt: skip
     heated = f"other losses {np.median(drawn.other):.0f} W, sink {seen.sink_degC:.0f} °C{around}"
-    yield "S1", continuous(drawn, drawn.limit_squared, seen, limit, f"{limit}, {heated}")
-    rated = Rated(draw_values, drawn, time_constants(network.A), seen, limit, around)
-    for text in SHORT:
-        yield text, duty_current(rated, parse_duty(text, 1.0))
+    by_S1 = continuous(drawn, drawn.limit_squared, seen, limit, f"{limit}, {heated}")
+    hot_A = rated_A or seen.current_A
+    return Rated(draw_values, drawn, time_constants(network.A), seen, limit, around, hot_A), by_S1
 
 
 def _is_near(rpm: float, tested: np.ndarray) -> bool:
