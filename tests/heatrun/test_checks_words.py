@@ -27,7 +27,7 @@ from heat_runs import (
 
 import heatrun
 from heatrun.checks import check_record, excitation
-from heatrun.checks.advice import use_line
+from heatrun.checks.advice import MotorFileLine, Remedy, in_one_line, use_line
 from heatrun.checks.quick_fit import quick_fit
 from heatrun.checks.suitability import other_tests
 from heatrun.checks.unexplained import unexplained_movement
@@ -185,6 +185,32 @@ def test_what_several_findings_advise_is_one_line():
     assert [part.first_row for part in parts] == [1, first + 1]
     assert parts[0].time_s[-1] == pytest.approx(900.0, abs=5.0)
     assert not [one for part in parts for one in errors(part)]
+
+
+@pytest.mark.parametrize(
+    ("key", "one", "other", "said"),
+    [
+        ("mask", [(60.0, 90.0)], [(30.0, 40.0), (60.0, 90.0)], "[[30.0, 40.0], [60.0, 90.0]]"),
+        ("use", [(0.0, 9.0), (10.0, 20.0)], [(4.0, 20.0)], "[[4.000, 9.000], [10.000, 20.000]]"),
+        ("use_rows", [(1, 9), (10, 20)], [(1, 5), "…"], "[[1, 5], [10, 20]]"),
+        ("use_rows", [(1, 9), "…"], [(4, 12), "…"], "[[4, 9], …]"),
+    ],
+)
+def test_two_lines_of_a_key_are_one(key, one, other, said):
+    """What is used is what both use, what is left out that of both; other keys stay."""
+    bridge = MotorFileLine("[tests.run]", "bridge", ((5.0, 6.0),))
+    lines = [
+        MotorFileLine("[tests.run]", key, tuple(w for w in each if w != "…"), "…" in each)
+        for each in (one, other)
+    ]
+    for advised in (lines, lines[::-1]):
+        told = [Remedy("Check it: ", line, ". Again: ", bridge, ".") for line in advised]
+        found = in_one_line([Finding("a", "error", "", remedy=each) for each in told])
+        others = " (… the other parts)" if "…" in said else ""
+        assert {one.remedy for one in found} == {
+            f"Check it: [tests.run] {key} = {said} in the motor file{others}. "
+            "Again: [tests.run] bridge = [[5.0, 6.0]] in the motor file."
+        }
 
 
 def test_a_sensor_that_sticks_and_falls_is_left_out_by_one_line():

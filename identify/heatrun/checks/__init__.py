@@ -151,10 +151,7 @@ def check_record(record: Record, motor: Motor) -> tuple[Finding, ...]:
             findings += found
             for finding in found:
                 record, motor = mended(record, motor, finding)
-    return tuple(
-        finding if finding.test else replace(finding, test=name)
-        for finding in in_one_line(findings)
-    )
+    return tuple(replace(one, test=one.test or name) for one in in_one_line(findings))
 
 
 def _of_the_sensor(record: Record, motor: Motor) -> tuple[list[Finding], Record]:

@@ -19,7 +19,7 @@ from ..record.record import Finding, Record
 from ..record.rounding import rounding_step
 from ..record.samples import is_loaded, place, runs, samples, with_all_heat
 from ..record.stretch import windows, within
-from .advice import mask_line
+from .advice import Remedy, mask_line
 from .quick_fit import QuickFit, course_of, fit_of, quick_fit
 from .time_axis import MAX_GAP_S, MAX_GAP_SHARE
 from .unexplained import Movement, unexplained_movement
@@ -210,6 +210,7 @@ def sensor_stuck(record: Record, _: Motor, looked: Looked) -> Iterator[Finding]:
         return
     for stretch in looked.stretches:
         lasts_s = stretch.to_s - stretch.from_s
+        line = mask_line(record, [(stretch.from_s, stretch.to_s)])
         is_harmful = (
             lasts_s > MAX_GAP_S
             or lasts_s > MAX_GAP_SHARE * (time_s[-1] - time_s[0])
@@ -226,8 +227,7 @@ def sensor_stuck(record: Record, _: Motor, looked: Looked) -> Iterator[Finding]:
             f"The reading is frozen at {stretch.reading_degC:.2f} °C for {lasts_s:.0f} s, but "
             f"{expected}: these samples would bias the fit.",
             place(record, "winding_degC", stretch.from_s, stretch.to_s),
-            "Check the sensor. To leave these readings out: "
-            f"{mask_line(record, [(stretch.from_s, stretch.to_s)])}.",
+            Remedy("Check the sensor. To leave these readings out: ", line, "."),
             values={
                 "reading_degC": stretch.reading_degC,
                 "from_s": stretch.from_s,
@@ -328,18 +328,17 @@ def _sticks(record: Record, stretches: Sequence[Stretch]) -> bool:
 def _flat(record: Record, channel: str, word: str, extreme: float, at_s: np.ndarray) -> Finding:
     unit = channel.rsplit("_", 1)[1]
     from_s, to_s = float(at_s[0]), float(at_s[-1])
+    remedy = "Check the range of the amplifier and the logger."
+    if channel == "winding_degC":
+        line = mask_line(record, [(from_s, to_s)])
+        remedy = Remedy(remedy, " To leave these readings out: ", line, ".")
     return Finding(
         "saturation",
         "error" if channel == "winding_degC" else "warning",
         f"The signal appears clipped at its {word} value {extreme:.6g} {unit} ({at_s.size} samples)"
         ": what lies beyond is missing from the fit.",
         place(record, channel, from_s, to_s),
-        "Check the range of the amplifier and the logger."
-        + (
-            f" To leave these readings out: {mask_line(record, [(from_s, to_s)])}."
-            if channel == "winding_degC"
-            else ""
-        ),
+        remedy,
         values={
             "extreme": float(extreme),
             "num_samples": float(at_s.size),

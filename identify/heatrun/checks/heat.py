@@ -11,7 +11,7 @@ from ..record.derive import recorded_shaft_power
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.samples import block_means, is_loaded, place, samples, sink_channel, with_all_heat
-from .advice import use_line
+from .advice import Part, Remedy, use_line
 
 FEWEST_BLOCKS = 30
 """A cooling of five minutes tells the time constant of a winding."""
@@ -54,29 +54,29 @@ def losses_absent(record: Record, motor: Motor) -> Iterator[Finding]:
     if rise <= UNHEATED_K or winding[top] <= hottest + UNHEATED_K:
         return
     begin = int(np.argmin(winding[: top + 1]))
+    cooling = _cooling(record, means_s, winding, float(time_s[-1]))
     yield Finding(
         "losses_absent",
         "error",
         f"Expected losses where the winding warms; it rises by {rise:.0f} K while losses_W is "
         "0 W throughout. Whatever heats it is not in the record, so nothing can be fitted.",
         place(record, "losses_W", float(means_s[begin]), float(means_s[top])),
-        "Record the losses, or phase current and resistance where copper is all."
-        + _cooling(record, means_s, winding, float(time_s[-1])),
+        Remedy("Record the losses, or phase current and resistance where copper is all.", *cooling),
         values={"rise_K": rise},
     )
 
 
-def _cooling(record: Record, time_s: np.ndarray, winding: np.ndarray, end_s: float) -> str:
+def _cooling(
+    record: Record, time_s: np.ndarray, winding: np.ndarray, end_s: float
+) -> tuple[Part, ...]:
     """Return how to use the cooling at the end of a record; empty where it has none."""
     highest_after = np.maximum.accumulate(winding[::-1])[::-1]
     warms = np.flatnonzero(highest_after - winding > UNHEATED_K)
     begin = int(warms[-1]) + 1 if warms.size else 0
     if time_s.size - begin < FEWEST_BLOCKS:
-        return ""
-    return (
-        " The cooling after the load needs no losses and tells time constants: "
-        f"{use_line(record, (float(time_s[begin]), end_s))}."
-    )
+        return ()
+    told = " The cooling after the load needs no losses and tells time constants: "
+    return told, use_line(record, (float(time_s[begin]), end_s)), "."
 
 
 def losses_of_dc_link(record: Record, motor: Motor) -> Iterator[Finding]:

@@ -20,7 +20,7 @@ from ..record.record import Finding, Record
 from ..record.samples import is_measured, place, runs, samples
 from ..record.stretch import bridge, windows, within
 from ..record.units import find_unit
-from .advice import section_of, windows_text
+from .advice import Remedy, widened
 from .quick_fit import quick_fit
 
 QUANTITIES = ("phase current", "dq current", "direct current", "power", "torque", "speed",
@@ -92,6 +92,7 @@ def load_spike(record: Record, motor: Motor) -> Iterator[Finding]:
             continue
         step_s = float(np.median(np.diff(time_s)))
         lasts_s = float(np.sum(past - first)) * step_s
+        advice = ". Find out what the logger writes for a value that is not valid."
         times = f"{rounded(abs(largest) / rest)} times the next largest value" if rest else ""
         yield Finding(
             "load_spike",
@@ -99,8 +100,7 @@ def load_spike(record: Record, motor: Motor) -> Iterator[Finding]:
             f"{name} reads {largest:.6g} {CHANNEL[name].unit} for {lasts_s:.3g} s"
             f"{f', {times}' if times else ''}: {', and '.join(why)}.",
             place(record, name, spans[0][0], spans[-1][1]),
-            f"To run straight over it: {section_of(record)} bridge = {windows_text(spans)} in "
-            "the motor file. Find out what the logger writes for a value that is not valid.",
+            Remedy("To run straight over it: ", widened(record, "bridge", spans), advice),
             values={
                 "largest": largest,
                 "times_the_next": abs(largest) / rest if rest else math.inf,

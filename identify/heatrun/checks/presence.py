@@ -21,7 +21,7 @@ from ..record.samples import (
     samples,
 )
 from ..record.stretch import masked
-from .advice import MOST_WINDOWS, mask_line, use_line
+from .advice import MOST_WINDOWS, Part, Remedy, mask_line, use_line
 
 MIN_SAMPLES = 20
 """Four parameters, the start temperature and three of the noise are eight unknowns; fewer than two
@@ -157,7 +157,7 @@ def nan_block(record: Record, motor: Motor) -> Iterator[Finding]:
             f"({100.0 * share:.1f} %) in {lengths.size} stretches, the longest of {longest} "
             f"samples ({duration_s:.3g} s).{_overrange(values[missing])} {MEANING[severity]}",
             where,
-            REMEDY[severity] + (advice if severity == "error" else ""),
+            Remedy(REMEDY[severity], *(advice if severity == "error" else ())),
             values={
                 "num_missing": float(lengths.sum()),
                 "share": share,
@@ -175,7 +175,7 @@ def _overrange(missing: np.ndarray) -> str:
     return f" {beyond.size} read {beyond[0]:.2g}: the overrange or the error of an instrument."
 
 
-def _without(record: Record, channel: str, first: np.ndarray, past: np.ndarray) -> str:
+def _without(record: Record, channel: str, first: np.ndarray, past: np.ndarray) -> tuple[Part, ...]:
     """Return the advice that does without long stretches of missing values; empty if none can.
 
     Readings of winding and bodies are not compared there, and all else is simulated through; what
@@ -183,12 +183,10 @@ def _without(record: Record, channel: str, first: np.ndarray, past: np.ndarray) 
     """
     time_s = record.time_s
     if not first.size or channel == "time_s" or not np.isfinite(time_s).all():
-        return ""
+        return ()
     if (channel == "winding_degC" or channel in BODIES) and first[0] > 0:
-        windows = [
-            (float(time_s[a]), float(time_s[b - 1])) for a, b in zip(first, past, strict=True)
-        ]
-        return f" Or leave these readings out of the comparison: {mask_line(record, windows)}."
+        windows = list(zip(time_s[first].tolist(), time_s[past - 1].tolist(), strict=True))
+        return " Or leave these readings out of the comparison: ", mask_line(record, windows), "."
     begins, ends = (0, *past), (*first, time_s.size)
     parts = [
         (float(time_s[a]), float(time_s[b - 1]))
@@ -196,5 +194,5 @@ def _without(record: Record, channel: str, first: np.ndarray, past: np.ndarray) 
         if b - a >= MIN_SAMPLES
     ]
     if not 0 < len(parts) <= MOST_WINDOWS:
-        return ""
-    return f" Or use the parts that have it, each as a test: {use_line(record, *parts)}."
+        return ()
+    return " Or use the parts that have it, each as a test: ", use_line(record, *parts), "."

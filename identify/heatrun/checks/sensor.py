@@ -12,7 +12,7 @@ from ..record.record import Finding, Record
 from ..record.rounding import rounding_step
 from ..record.samples import is_loaded, place, runs, samples, sink_channel, with_all_heat
 from ..record.stretch import windows
-from .advice import mask_line, use_line
+from .advice import Part, Remedy, mask_line, use_line
 from .frozen import Looked
 from .unexplained import WINDOWS_S, Movement
 
@@ -87,9 +87,8 @@ def temperature_jump(record: Record, motor: Motor, looked: Looked) -> Iterator[F
     if moved is None or is_fall(record, motor, moved):
         return
     change = moved.to_degC - moved.from_degC
-    remedy = "Check the sensor for a loose contact or interference."
-    remedy += (
-        f" To leave its readings out: {mask_line(record, [(moved.from_s, moved.until_s)])}."
+    advice = (
+        _left_out(record, "winding_degC", (moved.from_s, moved.until_s))
         if moved.is_back
         else _without_jump(record, "winding_degC", moved.from_s, is_lasting=True)
     )
@@ -101,7 +100,7 @@ def temperature_jump(record: Record, motor: Motor, looked: Looked) -> Iterator[F
         f"where the heat in the record makes {moved.expected_K:+.1f} K of it{back}. The fit "
         "would follow the fault.",
         place(record, "winding_degC", moved.from_s, moved.to_s),
-        remedy,
+        Remedy("Check the sensor for a loose contact or interference.", *advice),
         values={
             "largest_K": change,
             "expected_K": moved.expected_K,
@@ -145,11 +144,11 @@ def jumps_at_once(record: Record, motor: Motor) -> Iterator[Finding]:
         if is_back:
             first, last = jumps[lasting][[0, -1]]
             span = (float(time_s[first + 1]), float(time_s[last]))
-            remedy = _left_out(record, channel, span)
+            advice = _left_out(record, channel, span)
             until = {"until_s": span[1]}
         else:
             span, until = (float(time_s[worst]), 0.0), {}
-            remedy = _without_jump(record, channel, float(time_s[worst]), bool(lasting.any()))
+            advice = _without_jump(record, channel, float(time_s[worst]), bool(lasting.any()))
         limit = float(limits[worst])
         yield Finding(
             "temperature_jump",
@@ -158,7 +157,7 @@ def jumps_at_once(record: Record, motor: Motor) -> Iterator[Finding]:
             f"{change:+.1f} K ({jumps.size} such jumps, {int(lasting.sum())} of them lasting). "
             "No temperature of a machine jumps; the fit would follow the fault.",
             place(record, channel, *(span if is_back else map(float, step))),
-            "Check the sensor for a loose contact or interference." + remedy,
+            Remedy("Check the sensor for a loose contact or interference.", *advice),
             values={
                 "num_jumps": float(jumps.size),
                 "num_lasting": float(lasting.sum()),
@@ -170,18 +169,19 @@ def jumps_at_once(record: Record, motor: Motor) -> Iterator[Finding]:
         )
 
 
-def _left_out(record: Record, channel: str, *spans: tuple[float, float]) -> str:
+def _left_out(record: Record, channel: str, *spans: tuple[float, float]) -> tuple[Part, ...]:
     """Return what to write to do without readings; of the sink, which no fit does without, none."""
     if channel == "winding_degC":
-        return f" To leave its readings out: {mask_line(record, spans)}."
-    return f' To do without it: {channel} = "none" under [columns].' if channel in BODIES else ""
+        return " To leave its readings out: ", mask_line(record, spans), "."
+    without = f' To do without it: {channel} = "none" under [columns].'
+    return (without,) if channel in BODIES else ()
 
 
-def _without_jump(record: Record, channel: str, at_s: float, is_lasting: bool) -> str:
+def _without_jump(record: Record, channel: str, at_s: float, is_lasting: bool) -> tuple[Part, ...]:
     """Return what to write to use a test without a jump; nothing for a spike of the sink."""
     time_s = samples(record, channel)[0]
     if channel not in BODIES and is_lasting and at_s > time_s[0]:
-        return f" To use the test up to it: {use_line(record, (float(time_s[0]), at_s))}."
+        return " To use the test up to it: ", use_line(record, (float(time_s[0]), at_s)), "."
     past = float(time_s[min(np.searchsorted(time_s, at_s) + SPIKE_SAMPLES, time_s.size - 1)])
     return _left_out(record, channel, (at_s, past))
 
@@ -233,7 +233,7 @@ def sensor_detached(record: Record, motor: Motor, looked: Looked) -> Iterator[Fi
             f"circuit ({int(is_open.sum())} samples in {len(spans)} stretches). Fitted, they "
             "would bias every parameter.",
             place(record, channel, from_s, to_s),
-            "Check the sensor and its line." + _left_out(record, channel, *spans),
+            Remedy("Check the sensor and its line.", *_left_out(record, channel, *spans)),
             values={
                 "reading_degC": value,
                 "num_samples": float(is_open.sum()),
@@ -305,18 +305,17 @@ def _detached(
     values: dict[str, float],
 ) -> Finding:
     from_s, to_s, until_s = span
-    remedy = "Check whether the sensor has come off. "
     begin_s = float(samples(record)[0][0])
     if is_back or from_s <= begin_s:
-        remedy += f"To leave its readings out: {mask_line(record, [(from_s, until_s)])}."
+        advice = _left_out(record, "winding_degC", (from_s, until_s))
     else:
-        remedy += f"To use the test up to there: {use_line(record, (begin_s, from_s))}."
+        advice = " To use the test up to there: ", use_line(record, (begin_s, from_s)), "."
     return Finding(
         "sensor_detached",
         "error",
         message,
         place(record, "winding_degC", from_s, to_s),
-        remedy,
+        Remedy("Check whether the sensor has come off.", *advice),
         values=values | {"from_s": from_s, "to_s": to_s, "until_s": until_s},
     )
 

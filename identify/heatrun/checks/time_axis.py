@@ -11,7 +11,7 @@ from ..record.header import split_name
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.samples import SLOW_LOGGER_S, is_measured, median_step, place, samples
-from .advice import MOST_WINDOWS, section_of, use_line
+from .advice import MOST_WINDOWS, MotorFileLine, Remedy, section_of, use_line
 
 GAP_STEPS = 3.0
 """A distance above this many usual steps is a gap [1]: a logger that skips one sample makes two."""
@@ -63,7 +63,9 @@ def time_backwards(record: Record, motor: Motor) -> Iterator[Finding]:
     is_again = any(is_told_by_clock(one, record, row) for one in record.findings)
     again = " The header stands there again: the logger was started again." if is_again else ""
     ends = [0, *(int(measured[each]) + 1 for each in back), rows]
-    parts = ", ".join(f"[{a + 1}, {b}]" for a, b in itertools.pairwise(ends))
+    parts = tuple((a + 1, b) for a, b in itertools.pairwise(ends))
+    line = MotorFileLine(section_of(record), "use_rows", parts)
+    doubt = "Check whether the clock was set, or the file holds two tests. If so, read"
     yield Finding(
         "time_backwards",
         "error",
@@ -71,12 +73,7 @@ def time_backwards(record: Record, motor: Motor) -> Iterator[Finding]:
         f"to {time_s[first + 1]:.3f} s ({back.size} such steps): the order of the samples is "
         f"not known.{again}",
         place(record, "time_s", float(time_s[first])),
-        (
-            "Read"
-            if is_again
-            else "Check whether the clock was set, or the file holds two tests. If so, read"
-        )
-        + f" the parts as tests: {section_of(record)} use_rows = [{parts}] in the motor file.",
+        Remedy("Read" if is_again else doubt, " the parts as tests: ", line, "."),
         values={
             "num_steps": float(back.size),
             "sample": float(first + 1),
@@ -199,7 +196,7 @@ def time_gap(record: Record, motor: Motor) -> Iterator[Finding]:
         f"gap is {steps[longest]:.1f} s. "
         "The load in a gap is not known, and is interpolated.",
         place(record, "time_s", float(time_s[longest]), float(time_s[longest + 1])),
-        f"Split the test at the gap: {use_line(record, *parts)}."
+        Remedy("Split the test at the gap: ", use_line(record, *parts), ".")
         if is_error
         else "Check the logger and its storage.",
         values={
