@@ -20,13 +20,13 @@ from simulators import fmu_error, has_modelica, modelica_error, vectors_text
 
 from heatrun import cli
 from heatrun.errors import InputError
-from heatrun.export import export_source, mat_bytes, network_variables
+from heatrun.export import export_source, mat_bytes, network_variables, simulate_network
 from heatrun.export.c_file import LAWS, CSource, in_comment, links_of
 from heatrun.export.missed import Missed, of_losses
 from heatrun.export.network_course import read_network
 from heatrun.export.parameters import entries
+from heatrun.export.played import faults, with_outputs, without_false_alarms
 from heatrun.export.rerun import of_no_test, read_run_test
-from heatrun.export.sources import with_outputs
 from heatrun.export.variables import Corrections
 from heatrun.model.catalogue import effects_named
 from heatrun.model.model import Model
@@ -449,8 +449,36 @@ def test_without_a_compiler_the_vectors_hold_the_courses_and_a_note(
     assert text == courses
     assert "no C compiler built it here" in notes[0]
     monkeypatch.undo()
-    monkeypatch.setattr("heatrun.export.sources.LONGEST_BUILD_S", 0.0)  # one that never ends
+    monkeypatch.setattr("heatrun.export.played.LONGEST_BUILD_S", 0.0)  # one that never ends
     assert with_outputs(texts) == (courses, notes)
+
+
+def read_late(made, seconds, seed=0):
+    """What drives a source, with readings that follow its winding late, as if it missed a part."""
+    plain = {name: value for name, value in made.of_run.items() if not name.startswith("__")}
+    time, winding = made.found["t"], simulate_network(mat_bytes(plain)).sensed
+    read = winding.copy()
+    keep = np.exp(-np.diff(time) / seconds) if seconds else np.zeros(time.size - 1)
+    for k, share in enumerate(keep):
+        read[k + 1] = share * read[k] + (1.0 - share) * winding[k + 1]
+    noise = np.random.default_rng(seed).normal(0.0, MISSED.reading(1.0), time.size)
+    names = [name for name in ("t", "Is", "Pd", "Pol", "Te", "start") if name in made.of_run]
+    return {name: made.of_run[name] for name in names} | {"Tw_m": read + noise}
+
+
+@needs_compiler
+def test_an_observer_that_takes_a_missing_part_for_a_fault_is_given_more(half_hour, machine):
+    made = source(half_hour, machine)
+    sound, late = read_late(made, 0.0), read_late(made, 2.0)
+    assert without_false_alarms(made, {"sound": sound}) == (made, [])
+    told = faults(made, replace(made, of_run={**made.of_run, **late}).readings())
+    assert told > 0
+    widened, (note,) = without_false_alarms(made, {"late": late, "sound": sound})
+    assert f"told {told} faults" in note
+    assert widened.missed.misfit_K > made.missed.misfit_K
+    assert faults(widened, replace(widened, of_run={**made.of_run, **late}).readings()) == 0
+    stuck = {**sound, "Tw_m": np.full_like(sound["Tw_m"], sound["Tw_m"][900])}
+    assert faults(widened, replace(widened, of_run={**made.of_run, **stuck}).readings()) > 0
 
 
 def hidden_machine(seed, num=3600, eA=0.0):

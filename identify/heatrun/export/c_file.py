@@ -101,6 +101,12 @@ COURSES = ("a sound sensor", "lost for a third of the course", "sticks for a thi
            "a start that is 30 K wrong")  # fmt: skip
 """What the observer's vectors go through."""
 
+ASKS_NOTHING = (-1.0, 0.0, 0.0)
+"""Node, limit and horizon of a step without a question."""
+
+START_SD_K = 5.0
+"""How well the temperatures at the start of a course are known [K]."""
+
 LEAST_STUCK_K = 2.0
 """Sensors of a resolution of 1 K stand still as long as the machine changes by less [K]."""
 
@@ -352,21 +358,17 @@ class CSource:
             test: Name of the test, for the comment; it is no shorter than a step.
         """
         held, course = (each[: OBSERVED_STEPS + k] for k, each in enumerate(self._driven))
-        num, names = len(held), [name.lower() for name in _enumerators(self.nodes)]
+        num = len(held)
         rng = np.random.default_rng(1)
         noise = rng.normal(0.0, self.missed.reading(self.step), (len(COURSES), num))
-        outputs = [f"{name}_{what}" for name in names for what in ("degC", "sd_K")]
-        heading = [*self._driving(), "reading_degC", "node", "limit_degC", "horizon_s", *outputs,
-                   "status", "sensor", "time_to_limit_s", "permitted_A"]  # fmt: skip
         copper = self.nodes.index(self.found["copper_node"])
         question = [copper, np.round(course[:, copper].max(), 1), 600.0 * self.step]
         asked = np.where(
-            (np.arange(1, num + 1) % ASKED_EVERY == 0)[:, None], question, [-1.0, 0.0, 0.0]
+            (np.arange(1, num + 1) % ASKED_EVERY == 0)[:, None], question, ASKS_NOTHING
         )
-        unknown = np.full((num, len(outputs) + 4), np.nan)
         text = io.StringIO()
         text.write(f"# heatrun export: inputs, readings and the observer's outputs by this C in "
-                   f"double, test {in_comment(test)}\n{','.join(heading)}\n")  # fmt: skip
+                   f"double, test {in_comment(test)}\n{self._observed_heading}\n")  # fmt: skip
         for k, (what, each) in enumerate(zip(COURSES, noise, strict=True)):
             reading = np.round(self._shown(course) + each, 2)
             late = slice(num // 3, 2 * num // 3)
@@ -374,15 +376,46 @@ class CSource:
                 reading[late] = np.nan
             elif k == 2:
                 reading[late] = reading[late][:1]
-            wrong_K, sd_K = (-30.0, 30.0) if k == 3 else (0.0, 5.0)
-            start = [[T + wrong_K, sd_K] for T in course[0]]
-            rows = np.column_stack(
-                [self.step * np.arange(1, num + 1), held, reading, asked, unknown]
-            )
-            first = [*np.zeros(1 + held.shape[1]), np.nan, -1, 0, 0, *np.ravel(start), 0, 0, -1, -1]
+            wrong_K, sd_K = (-30.0, 30.0) if k == 3 else (0.0, START_SD_K)
             text.write(f"# {what}\n")
-            np.savetxt(text, np.vstack([first, rows]), "%.12g", ",")
+            self._write_observed(text, held, reading, course[0] + wrong_K, sd_K, asked)
         return text.getvalue().encode("ascii")
+
+    def readings(self) -> bytes:
+        """Return inputs and readings of the whole test, as `observer_courses`: where no sample
+        falls into a step there is none.
+        """
+        time = self.found["t"] - self.found["t"][0]
+        num = int(time[-1] / self.step + 1e-9)
+        latest = np.searchsorted(time, self.step * np.arange(num + 1) + 1e-9, side="right") - 1
+        is_new = np.diff(latest) > 0
+        text = io.StringIO()
+        text.write(f"{self._observed_heading}\n")
+        self._write_observed(
+            text, self._held(num), np.where(is_new, self.found["Tw_m"][latest[1:]], np.nan),
+            np.atleast_1d(self.found["start"]), START_SD_K, np.tile(ASKS_NOTHING, (num, 1)),
+        )  # fmt: skip
+        return text.getvalue().encode("ascii")
+
+    @property
+    def _observed_heading(self) -> str:
+        names = [name.lower() for name in _enumerators(self.nodes)]
+        outputs = [f"{name}_{what}" for name in names for what in ("degC", "sd_K")]
+        asked = ("reading_degC", "node", "limit_degC", "horizon_s")
+        told = (*outputs, "status", "sensor", "time_to_limit_s", "permitted_A")
+        return ",".join([*self._driving(), *asked, *told])
+
+    def _write_observed(
+        self, text: io.StringIO, held: np.ndarray, reading: np.ndarray, start: np.ndarray,
+        sd_K: float, asked: np.ndarray,
+    ) -> None:  # fmt: skip
+        """Write the start, and inputs, readings and questions of each step; outputs are NaN."""
+        unknown = np.full((len(held), 2 * len(self.nodes) + 4), np.nan)
+        time_s = self.step * np.arange(1, len(held) + 1)
+        rows = np.column_stack([time_s, held, reading, asked, unknown])
+        both = [each for T in start for each in (T, sd_K)]
+        first = [*np.zeros(1 + held.shape[1]), np.nan, *ASKS_NOTHING, *both, 0, 0, -1, -1]
+        np.savetxt(text, np.vstack([first, rows]), "%.12g", ",")
 
     def _shown(self, course: Float[np.ndarray, "time node"]) -> Float[np.ndarray, " step"]:
         """Return what the sensor shows at the end of each step [degC]."""
@@ -402,14 +435,23 @@ class CSource:
     @cached_property
     def _driven(self) -> tuple[np.ndarray, np.ndarray]:
         """Inputs held over the steps (step, input) and temperatures (step + 1, node)."""
-        time = self.found["t"] - self.found["t"][0]
-        middle = self.step * (np.arange(self.num_vectors) + 0.5)
-        driving = [name for name in SIGNALS if name in self.found and name not in ("t", "Tw_m")]
-        held = {name: np.interp(middle, time, self.found[name]) for name in driving}
-        held["Is"] = np.sqrt(np.interp(middle, time, self.found["Is"] ** 2))
+        held = self._by_name(self.num_vectors)
         course = simulate_held(self.of_run, held, self.step)
         return (np.column_stack([held[name] for name in self.inputs]),
                 np.column_stack([course[node] for node in self.nodes]))  # fmt: skip
+
+    def _held(self, num: int) -> Float[np.ndarray, "step input"]:
+        held = self._by_name(num)
+        return np.column_stack([held[name] for name in self.inputs])
+
+    def _by_name(self, num: int) -> dict[str, np.ndarray]:
+        """Return what drives the machine in the middle of each step, by its name."""
+        time = self.found["t"] - self.found["t"][0]
+        middle = self.step * (np.arange(num) + 0.5)
+        driving = [name for name in SIGNALS if name in self.found and name not in ("t", "Tw_m")]
+        held = {name: np.interp(middle, time, self.found[name]) for name in driving}
+        held["Is"] = np.sqrt(np.interp(middle, time, self.found["Is"] ** 2))
+        return held
 
     def _header(self) -> dict[str, str]:
         found, inputs = self.found, self.inputs

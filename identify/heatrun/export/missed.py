@@ -113,6 +113,10 @@ class Missed:
                    math.hypot(_least_known(model, found.model), losses),
                    math.sqrt(slow**2 - own**2))  # fmt: skip
 
+    def widened(self, more: float) -> Missed:
+        """Return it where the network misses some times the slow noise besides [1]."""
+        return replace(self, misfit_K=math.hypot(self.misfit_K, more * self.slow_K))
+
     def heat_W(self, losses: float, W_per_K: float, time_s: float) -> tuple[float, float]:
         """Return the standard deviation of the missed heat [W], and its correlation time [s].
 

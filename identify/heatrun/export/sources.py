@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
-import tempfile
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from ..errors import InputError
 from ..io.whole_files import numbered
 from ..model.parameters import qualified
 from ..runs.run import Run, open_run
 from .c_file import (
-    HARNESS,
     LAWS,
     MOST_BYTES,
     OBSERVER_VECTORS,
-    SOURCE,
     STEP_S,
     VECTORS,
     CSource,
@@ -32,7 +27,9 @@ from .fmu import compiled, fmu_files
 from .missed import Missed
 from .modelica import modelica
 from .network_course import read_network
+from .network_file import SIGNALS
 from .parameters import Entry, entries
+from .played import with_outputs, without_false_alarms
 from .rerun import RunAndTest, as_replica, effects_of, of_no_test, read_run_test, shaft_of
 from .variables import Corrections
 
@@ -101,6 +98,10 @@ def export_source(
     elif to == "modelica":
         content = {"ThermalNetwork.mo": modelica(source, parameters)}
     else:
+        if source.has_observer:
+            tests, unread = calibrated(run, network, found)
+            source, told = without_false_alarms(source, tests)
+            notes += [*unread, *told]
         said = [(e.name, e.member if e.index is None else f"{e.member}[{e.index}]", e.interval_95)
                 for e in parameters if e.interval_95]  # fmt: skip
         content, further = source.texts(said), {"has_observer": source.has_observer}
@@ -136,33 +137,6 @@ def export_source(
     }
 
 
-LONGEST_BUILD_S = 60.0
-"""Time that a compiler, or what it made, is waited for [s]; it takes a second."""
-
-
-def with_outputs(files: Mapping[str, bytes]) -> tuple[bytes, list[str]]:
-    """Return the observer's vectors with what the C makes of them in double, or why it made none.
-
-    Args:
-        files: Header, source, harness and courses by name.
-    """
-    compiler = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), "cc")
-    with tempfile.TemporaryDirectory() as folder:
-        for name, content in files.items():
-            Path(folder, name).write_bytes(content)
-        program = str(Path(folder, "replay"))
-        build = [compiler, "-std=c99", "-O2", "-o", program, HARNESS, SOURCE]
-        words = {"cwd": folder, "capture_output": True, "check": True, "timeout": LONGEST_BUILD_S}
-        try:
-            subprocess.run(build, **words)
-            return subprocess.run([program, "--write", OBSERVER_VECTORS], **words).stdout, []
-        except (OSError, subprocess.SubprocessError):
-            return files[OBSERVER_VECTORS], [
-                f"{OBSERVER_VECTORS} has inputs and readings alone, for no C compiler built it "
-                f"here: ./replay --write {OBSERVER_VECTORS} writes the outputs in double."
-            ]
-
-
 def read_source(
     run: Path, test: str | None, network: str | None, is_replica: bool, step: float
 ) -> Sourced:
@@ -173,9 +147,7 @@ def read_source(
     opened = open_run(run)
     whole = of_no_test(read_run_test(run, test=test, network=network))
     found, bias = as_replica(whole, network, LAWS) if is_replica else (whole, 0.0)
-    variables, notes = _variables(found)
-    corrections = Corrections.of(found.values)
-    variables = NETWORK.corrected(variables, corrections, shaft_of(found, corrections))
+    variables, notes, corrections = _as_corrected(found)
     missed = Missed.of(opened, network, found, whole, bias)
     title = found.model.title
     said = {
@@ -192,6 +164,41 @@ def read_source(
     notes += (f"What drives it is meant as the run corrects it: {corrections.words()}.",)
     limits = [] if is_replica else ends(opened, network, found, source)
     return Sourced(source, entries(source, found.model, limits), found, notes)
+
+
+def calibrated(
+    run: Path, network: str | None, found: RunAndTest
+) -> tuple[dict[str, dict[str, Any]], list[str]]:
+    """Return what drove the machine in the tests that a run was calibrated on, how it began, and
+    what it was read to be, by test; and which of them can no longer be read, in words.
+
+    Args:
+        run: The run folder.
+        network: Name of the network; None for the last one.
+        found: One of its tests.
+    """
+    tests, unread = {}, []
+    for test in open_run(run).tests:
+        if test.role != "calibration":
+            continue
+        try:
+            own = found if test.name == found.record.name else read_run_test(
+                run, test=test.name, network=network
+            )  # fmt: skip
+        except InputError as error:
+            unread.append(f"The observer was not played on {test.name}: {error}")
+            continue
+        of_run = read_network(mat_bytes(_as_corrected(own)[0]))
+        tests[test.name] = {n: of_run[n] for n in (*SIGNALS, "start") if n in of_run}
+    return tests, unread
+
+
+def _as_corrected(found: RunAndTest) -> tuple[dict[str, Any], tuple[str, ...], Corrections]:
+    """Return the variables of a test, what drives it as the run corrects it, with notes."""
+    variables, notes = _variables(found)
+    corrections = Corrections.of(found.values)
+    shaft = shaft_of(found, corrections)
+    return NETWORK.corrected(variables, corrections, shaft), notes, corrections
 
 
 def _variables(found: RunAndTest) -> tuple[dict[str, Any], tuple[str, ...]]:
