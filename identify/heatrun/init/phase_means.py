@@ -20,8 +20,7 @@ from ..errors import InputError
 from ..readers.channel_map import map_columns
 from ..record.channels import APART_K, APART_SHARE, CHANNEL, Columns
 from ..record.table import Column, Table
-from ..record.units import find_unit, to_canonical
-from .free_columns import FreeColumn, Proposal
+from .free_columns import FreeColumn, Proposal, in_its_unit
 
 PHASES = ("UVW", "uvw", "123", "ABC", "abc")
 SIGN = re.compile(f"[{''.join(first[0] for first in PHASES)}]")
@@ -166,9 +165,7 @@ def phase_means(
 
 
 def _sensor(column: Column, values: np.ndarray, proposal: Proposal) -> Sensor:
-    unit = find_unit(proposal.unit, CHANNEL[proposal.channel].quantity)
-    known = values if unit is None else to_canonical(values, unit)
-    return Sensor(column.label, known, proposal.is_likely)
+    return Sensor(column.label, in_its_unit(values, proposal), proposal.is_likely)
 
 
 def _lines(three: Sequence[Column], proposals: Sequence[Proposal], table: Table) -> Iterator[str]:
