@@ -77,9 +77,9 @@ def choices(surveys: Sequence[Survey]) -> tuple[Choice, ...]:
 def _choice_line(channel: str, column: FreeColumn) -> str:
     """Return how a column would be the channel; empty where unit or name say that it is not."""
     own = column.read_as(channel)
-    is_open = not column.unit and not any(p.is_likely for p in column.proposals)
-    line = f"{column.name} [{CHANNEL[channel].unit}]" if is_open else ""
-    line = own.line if own else line
+    if own is None and (column.unit or any(p.is_likely for p in column.proposals)):
+        return ""
+    line = own.line if own else f"{column.name} [{CHANNEL[channel].unit}]"
     return line if len(line) <= LONGEST_LINE else ""
 
 
