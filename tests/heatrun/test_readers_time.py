@@ -18,7 +18,7 @@ from heatrun.readers.header_date import header_day
 from heatrun.readers.read import read_record
 from heatrun.readers.text.reader import read_text
 from heatrun.record.motor import Motor
-from heatrun.record.timegrid import exact_grid, from_first_sample
+from heatrun.record.timegrid import counted_from, exact_grid, from_first_sample
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_a_day_that_is_none():
 def test_grid_behind_32_bit_times(start, step):
     index = np.arange(18_000)
     stored = (np.float32(start) + (index * step).astype(np.float32)).astype(np.float32)
-    times, _ = from_first_sample(stored.astype(float))
+    times, *_ = from_first_sample(stored.astype(float))
     grid, note = exact_grid(times)
     assert np.array_equal(grid, np.round(index * step, 2))
     # Half a second is exact in 32 bits, so there is nothing to say when nothing moved.
@@ -137,10 +137,11 @@ def test_other_times_stay_as_they_are(times):
 
 
 def test_time_from_first_sample():
-    shifted, note = from_first_sample(np.array([np.nan, 5.0, 6.5]))
+    shifted, origin_s, note = from_first_sample(np.array([np.nan, 5.0, 6.5]))
     assert shifted[1:].tolist() == [0.0, 1.5]
-    assert "5 s" in note
-    assert from_first_sample(np.array([0.0, 1.0]))[1] == ""
+    assert (origin_s, note) == (5.0, "")
+    assert "5 s" in counted_from(origin_s)
+    assert from_first_sample(np.array([0.0, 1.0]))[1] == 0.0
 
 
 def spelled(seconds, form):

@@ -19,14 +19,8 @@ from ..record.channels import CHANNEL, REQUIRED
 from ..record.record import ColumnReading
 from ..version import __version__
 from .free_columns import FreeColumn, flat
-from .gaps import (
-    LONGEST_LINE,
-    Gap,
-    found_resistance,
-    gaps,
-    stated_resistance,
-    under_direct_current,
-)
+from .gaps import LONGEST_LINE, Gap, gaps
+from .stated_resistance import found_resistance, stated_resistance
 from .survey import Survey
 
 NONE = "none"
@@ -58,7 +52,7 @@ def choices(surveys: Sequence[Survey]) -> tuple[Choice, ...]:
     free = {column.name: column for one in surveys for column in one.free if not column.text}
     recognised = [each for one in surveys for each in one.recognised if each.column]
     found = []
-    for name in (*REQUIRED, *(name for name in CHANNEL if name not in REQUIRED)):
+    for name in dict.fromkeys((*REQUIRED, *CHANNEL)):
         gap = missing.get(name)
         read = {
             e.column: f"read in {printed_unit(e.unit)}" for e in recognised if e.channel == name
@@ -82,9 +76,10 @@ def choices(surveys: Sequence[Survey]) -> tuple[Choice, ...]:
 
 def _choice_line(channel: str, column: FreeColumn) -> str:
     """Return how a column would be the channel; empty where unit or name say that it is not."""
-    own = next((p.line for p in column.proposals if p.channel == channel), "")
-    is_open = not column.unit and not any(p.is_likely for p in column.proposals)
-    line = own or (f"{column.name} [{CHANNEL[channel].unit}]" if is_open else "")
+    own = column.read_as(channel)
+    if own is None and (column.unit or any(p.is_likely for p in column.proposals)):
+        return ""
+    line = own.line if own else f"{column.name} [{CHANNEL[channel].unit}]"
     return line if len(line) <= LONGEST_LINE else ""
 
 
@@ -155,7 +150,7 @@ def draft(
     unsaid = [gap for gap in missing if (gap.channel or gap.key) not in numbers]
     head = _head(surveys, [gap for gap in unsaid if not (is_accepted and gap.is_answered)])
     motor = ["", "[motor]", f"name = {toml_text(name.strip() or 'motor')}", INSULATION]
-    direct = [column for one in surveys for column, _ in under_direct_current(one)]
+    direct = [column for one in surveys for column, _ in one.under_direct_current]
     if direct:
         words = f"'{flat(direct[0].name)}' is that of one winding under direct current"
         motor.append(_value("phases", "1", words, mark))

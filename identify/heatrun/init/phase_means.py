@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
@@ -20,8 +20,7 @@ from ..errors import InputError
 from ..readers.channel_map import map_columns
 from ..record.channels import APART_K, APART_SHARE, CHANNEL, Columns
 from ..record.table import Column, Table
-from ..record.units import find_unit, to_canonical
-from .free_columns import FreeColumn, Proposal
+from .free_columns import FreeColumn, Proposal, in_its_unit
 
 PHASES = ("UVW", "uvw", "123", "ABC", "abc")
 SIGN = re.compile(f"[{''.join(first[0] for first in PHASES)}]")
@@ -41,24 +40,19 @@ class Sensor:
     """A column that may be the sensor of one phase.
 
     Attributes:
-        label: Its name without the unit.
+        column: The column.
+        as_read: How it is the channel.
         values: In the channel's unit, shape (time,).
-        is_named: The name speaks for the channel.
     """
 
-    label: str
+    column: Column
+    as_read: Proposal
     values: np.ndarray
-    is_named: bool
 
 
-def phases(sensors: Mapping[str, Sensor], quantity: str) -> Iterator[tuple[str, str, str]]:
-    """Yield the names of three columns that read one winding, in the order of the phases.
-
-    Args:
-        sensors: By the name of the column.
-        quantity: `"temperature"` or `"phase current"`.
-    """
-    by_label = {sensor.label: name for name, sensor in sensors.items()}
+def _phases(sensors: Iterable[Sensor], quantity: str) -> Iterator[list[Sensor]]:
+    """Yield three sensors of one winding, in the order of the phases."""
+    by_label = {sensor.column.label: sensor for sensor in sensors}
     for label in by_label:
         for sign in SIGN.finditer(label):
             place = sign.start()
@@ -66,9 +60,9 @@ def phases(sensors: Mapping[str, Sensor], quantity: str) -> Iterator[tuple[str, 
             alike = [f"{label[:place]}{letter}{label[place + 1 :]}" for letter in letters]
             if not all(one in by_label for one in alike):
                 continue
-            first, second, third = (by_label[one] for one in alike)
-            if _is_one_winding([sensors[name] for name in (first, second, third)], quantity):
-                yield first, second, third
+            three = [by_label[one] for one in alike]
+            if _is_one_winding(three, quantity):
+                yield three
 
 
 def _is_one_winding(three: Sequence[Sensor], quantity: str) -> bool:
@@ -82,7 +76,7 @@ def _is_one_winding(three: Sequence[Sensor], quantity: str) -> bool:
     if quantity == "phase current":
         return high > 0.0 and apart <= CLOSE_SHARE * high
     rise = float(high - low)
-    if all(sensor.is_named for sensor in three):
+    if all(sensor.as_read.is_likely for sensor in three):
         return apart <= max(APART_K, APART_SHARE * rise)
     return rise >= LEAST_RISE_K and apart <= min(APART_K, CLOSE_SHARE * rise)
 
@@ -142,44 +136,34 @@ def phase_means(
     for channel in MADE_OF_PHASES:
         if channel in known:
             continue
-        held = {
-            one.name: proposal
-            for one in free
-            if one.name in columns and not one.is_silent
-            for proposal in one.proposals
-            if proposal.channel == channel
-            and (proposal.is_likely or not any(other.is_likely for other in one.proposals))
-        }
-        sensors = {
-            name: _sensor(columns[name], values[id(columns[name])], proposal)
-            for name, proposal in held.items()
-        }
-        for names in islice(phases(sensors, CHANNEL[channel].quantity), MOST_MEANS):
+        sensors = []
+        for one in free:
+            column, as_read = columns.get(one.name), one.read_as(channel)
+            is_others = any(other.is_likely for other in one.proposals)
+            if column and as_read and not one.is_silent and (as_read.is_likely or not is_others):
+                sensors.append(Sensor(column, as_read, in_its_unit(values[id(column)], as_read)))
+        for three in islice(_phases(sensors, CHANNEL[channel].quantity), MOST_MEANS):
+            names = tuple(one.column.name for one in three)
             if any({*names} & {*other.columns} for other in found):
                 continue
-            three = [columns[name] for name in names]
-            for line in _lines(three, [held[name] for name in names], table):
+            for line in _lines(three, table):
                 if _reads_back(table, channel, line, names, left_out, where):
                     found.append(PhaseMean(channel, line, names))
                     break
     return tuple(found)
 
 
-def _sensor(column: Column, values: np.ndarray, proposal: Proposal) -> Sensor:
-    unit = find_unit(proposal.unit, CHANNEL[proposal.channel].quantity)
-    known = values if unit is None else to_canonical(values, unit)
-    return Sensor(column.label, known, proposal.is_likely)
-
-
-def _lines(three: Sequence[Column], proposals: Sequence[Proposal], table: Table) -> Iterator[str]:
+def _lines(three: Sequence[Sensor], table: Table) -> Iterator[str]:
     """Yield the lines that may read a mean, the one that is easiest to read first."""
     many = Counter(name for column in table.columns for name in {column.label, column.name})
-    if all(one.unit_from == "stated" for one in proposals) and all(
-        many[column.label] == 1 for column in three
-    ):
-        yield f"mean({', '.join(column.label for column in three)})"
-    if all(one.unit_from == "assumed" for one in proposals):
-        yield f"mean({', '.join(column.name for column in three)}) [{proposals[0].unit}]"
+    labels, names, proposals = zip(
+        *((one.column.label, one.column.name, one.as_read) for one in three), strict=True
+    )
+    known = {one.unit_from for one in proposals}
+    if known == {"stated"} and all(many[label] == 1 for label in labels):
+        yield f"mean({', '.join(labels)})"
+    if known == {"assumed"}:
+        yield f"mean({', '.join(names)}) [{proposals[0].unit}]"
     yield f"mean({', '.join(one.line for one in proposals)})"
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..io.open_file import open_input
 from ..io.own_files import refuse_own_file
+from ..io.quantities import printable
 from ..readers.hints import Hints
 from ..readers.measurement import Measurement, header_of
 from ..readers.multirate import read_all
@@ -17,12 +18,10 @@ from ..readers.read import opened, read_whole
 from ..record.channels import REQUIRED
 from ..record.record import ColumnReading, Finding
 from ..record.table import Table, preamble_of
-from .free_columns import TURNING, FreeColumn, free_column, of_a_winding, text_column, with_evidence
+from .evidence import without_misnamed
+from .free_columns import Evidence, FreeColumn, flat, free_column, text_column
 from .phase_means import PhaseMean, phase_means
 from .unread import PartialMapping, map_as_far
-
-BY_NAME = "canonical name"
-"""How a column is found that is called `losses_W` itself: whoever writes that means it."""
 
 MOST_SAMPLED = 200
 """Channels of a measurement file of which values are looked at; each is read whole."""
@@ -90,6 +89,17 @@ class Survey:
         """Channels that a record of this file has, and that hold something."""
         return frozenset((*(one.channel for one in self.recognised), *self.derived))
 
+    @property
+    def file(self) -> str:
+        """The name of the file on one line."""
+        return printable(flat(Path(self.path).name))
+
+    @property
+    def under_direct_current(self) -> list[tuple[FreeColumn, Evidence]]:
+        """Columns that are the voltage of a winding under direct current, and what says so."""
+        said = ((one, one.evidence.get("winding_voltage_V")) for one in self.free)
+        return [(one, evidence) for one, evidence in said if evidence and evidence.speaks]
+
 
 def survey(path: Path, sheet: str | None = None) -> Survey:
     """Look at a file.
@@ -114,12 +124,11 @@ def _of_table(table: Table, where: str) -> Survey:
     values = {id(column): column.values for column in table.columns}
     found = _surveyed(table, values, map_as_far(table, where=where), where)
     texts = [text_column(name, text) for name, text in table.text_columns.items()]
-    preamble = preamble_of(table.notes)
     return replace(
         found,
         free=(*found.free, *texts),
         constants=table.constants,
-        preamble=preamble,
+        preamble=preamble_of(table.notes),
         findings=table.findings,
     )
 
@@ -165,19 +174,20 @@ def _surveyed(
         for column in table.columns
         if column.name not in used
     )
-    silent = {}
     read = {one.name: values[id(one)] for one in table.columns if id(one) in values}
-    readings, no_losses = _without_input(table, free, tuple(mapped.readings), read, where)
-    free = with_evidence((*free, *no_losses), readings, read)
-    if not any("winding_degC" in one.evidence for one in free):
-        readings, of_winding = _without_link(table, readings, read, where)
-        free = (*free, *of_winding)
-    link = {one.channel for one in mapped.readings} - {one.channel for one in readings}
+
+    def as_free(one: ColumnReading) -> FreeColumn:
+        column = next(each for each in table.columns if each.name == one.column)
+        return free_column(column, where, read.get(one.column), {})
+
+    readings, free = without_misnamed(free, mapped.readings, read, as_free)
+    misnamed = {one.channel: one.column for one in mapped.readings if one not in readings}
     derived = {
         channel: formula
         for channel, formula in found.derived.items()
-        if not any(name in formula for name in link)
+        if not any(name in formula for name in misnamed)
     }
+    silent = {}
     for one in readings:
         numbers = read.get(one.column)
         if one.channel in NEEDED and numbers is not None and not np.nan_to_num(numbers).any():
@@ -188,7 +198,7 @@ def _surveyed(
     said = (
         f"'{one.name}' is called losses and {one.evidence['losses_W'].words}."
         for one in free
-        if one.name in {each.name for each in no_losses}
+        if one.name == misnamed.get("losses_W")
     )
     return Survey(
         where,
@@ -200,48 +210,3 @@ def _surveyed(
         silent=tuple(silent.values()),
         means=phase_means(table, free, values, known, found.lines, where),
     )
-
-
-def _without_input(
-    table: Table,
-    free: tuple[FreeColumn, ...],
-    readings: tuple[ColumnReading, ...],
-    values: Mapping[str, np.ndarray],
-    where: str,
-) -> tuple[tuple[ColumnReading, ...], tuple[FreeColumn, ...]]:
-    """Return the readings without losses that are the input power, and the column of those."""
-    for one in readings:
-        if one.channel != "losses_W" or one.found_by == BY_NAME:
-            continue
-        others = tuple(each for each in readings if each is not one)
-        column = next(each for each in table.columns if each.name == one.column)
-        seen = free_column(column, where, values.get(one.column), {})
-        (*_, judged) = with_evidence((*free, seen), others, values)
-        if "losses_W" in judged.evidence:
-            return others, (judged,)
-    return readings, ()
-
-
-LINK = ("dc_voltage_V", "dc_current_A")
-"""Where a drive that turns the machine has them, they are no winding's."""
-
-
-def _without_link(
-    table: Table,
-    readings: tuple[ColumnReading, ...],
-    values: Mapping[str, np.ndarray],
-    where: str,
-) -> tuple[tuple[ColumnReading, ...], tuple[FreeColumn, ...]]:
-    """Return the readings without a DC link that is a winding under direct current, and its
-    columns.
-    """
-    link = [one for name in LINK for one in readings if one.channel == name]
-    is_meant = any(one.found_by == BY_NAME for one in link)
-    has_others = any(one.channel in (*TURNING, "phase_current_A") for one in readings)
-    if len(link) < len(LINK) or is_meant or has_others:
-        return readings, ()
-    columns = [next(each for each in table.columns if each.name == one.column) for one in link]
-    volts, current = (free_column(one, where, values.get(one.name), {}) for one in columns)
-    others = tuple(one for one in readings if one not in link)
-    found = of_a_winding(volts, current, values, others)
-    return (others, found) if found else (readings, ())

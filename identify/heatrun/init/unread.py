@@ -6,7 +6,7 @@ Columns are mapped as far as it goes: a channel about which there is a question 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -145,7 +145,7 @@ def unread_test(path: Path | str, motor: Motor, error: InputError) -> UnreadTest
         name,
         tuple(replace(finding, test=name) for finding in (*reasons, *lacking)),
         tuple(reading for each in found for reading in each.mapped.readings),
-        _once(column for each in found for column in each.mapped.unused),
+        tuple(dict.fromkeys(column for each in found for column in each.mapped.unused)),
     )
 
 
@@ -168,7 +168,3 @@ def _is_regular(file: Path) -> bool:
         return file.is_file()
     except (OSError, ValueError):
         return False
-
-
-def _once(names: Iterable[str]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(names))

@@ -23,7 +23,7 @@ from ..record.motor import Motor
 from ..record.own_rates import at_own_rates
 from ..record.record import Finding, Record, Source
 from ..record.table import BLF, Table, no_signals, preamble_of, told_apart
-from ..record.timegrid import exact_grid, from_first_sample
+from ..record.timegrid import counted_from, exact_grid, from_first_sample
 from .channel_map import ITS_WORDS, ONLY_CLOCK, MappedColumns, map_columns
 from .header_date import CLOCK_OF_DAY as CLOCK
 from .header_date import HEADER, HeaderDay, day_of, header_day, second_of_day
@@ -133,6 +133,7 @@ def read_record(
     name: str | None = None,
     is_part: bool = False,
     sheet: str | None = None,
+    is_from_first: bool = True,
 ) -> Record:
     """Read a bench file as a test with canonical channels.
 
@@ -145,10 +146,11 @@ def read_record(
         is_part: The file is one of several of this test: columns that `[columns]` names may be in
             the others.
         sheet: Sheet of a workbook; by default the one with the channels.
+        is_from_first: Times count from the first sample [s]; else as the file counts them.
 
     Returns:
-        The record, its time counted from the first sample [s]. Gaps, repeats and backward steps
-        stay as they are; channels that are missing are none of this function's business (see
+        The record. Gaps, repeats and backward steps in its time stay as they are; channels that
+        are missing are none of this function's business (see
         `heatrun.readers.channel_map.require`).
 
     Raises:
@@ -178,7 +180,9 @@ def read_record(
                 )
                 mapped.notes.append(unused)
     channels = dict(mapped.channels)
-    time_s, origin_s, time_notes, missing = _time(mapped, table, rate_Hz, where)
+    time_s, origin_s, time_notes, missing = _time(
+        mapped, table, rate_Hz, where, is_from_first=is_from_first
+    )
     is_longer = time_s.size > table.num_rows and table.sample_numbers is not None
     differ = mapped.sensors_differ(time_s[table.sample_numbers] if is_longer else time_s)
     if time_s.size > table.num_rows and table.sample_numbers is not None:
@@ -189,6 +193,8 @@ def read_record(
         missing = (*missing, *joined)
     channels, derived = derive(channels, phases=motor.phases, losses=motor.losses)
     test = name or name_of_test(Path(path), sheet)
+    if not is_from_first:
+        channels["time_s"] = channels["time_s"] + origin_s
     conflict = resistance_conflict(table.constants, motor, where)
     start = day_of(mapped.start)
     headed = HeaderDay() if start else header_day(preamble_of(table.notes))
@@ -209,7 +215,6 @@ def read_record(
         unused=mapped.unused,
         mapping=tuple(mapped.readings),
         decided=frozenset(mapped.decided),
-        origin_s=origin_s,
         clock_s=second_of_day(mapped.start),
         start=start or headed.day,
         start_from=CLOCK if start else HEADER if headed.day else "",
@@ -277,9 +282,11 @@ def is_text_table(data: bytes, where: str) -> bool:
 
 
 def _time(
-    mapped: MappedColumns, table: Table, rate_Hz: float | None, where: str
+    mapped: MappedColumns, table: Table, rate_Hz: float | None, where: str, *, is_from_first: bool
 ) -> tuple[np.ndarray, float, tuple[str, ...], tuple[Finding, ...]]:
-    """Return the time axis and its origin in the file [s], the notes on it, and what is missing."""
+    """Return the times from the first sample and its time in the file [s], the notes on them, and
+    what is missing.
+    """
     rows = table.sample_numbers
     measured = mapped.channels.get("time_s")
     found_by = next((one.found_by for one in mapped.readings if one.channel == "time_s"), "")
@@ -296,8 +303,9 @@ def _time(
             raise InputError(
                 "The time column holds no times.", where=where, remedy="Check [columns] time_s."
             )
-        origin_s = float(measured[np.isfinite(measured)][0])
-        time_s, shifted = from_first_sample(measured)
+        time_s, origin_s, lost_times = from_first_sample(measured)
+        moved = counted_from(origin_s) if is_from_first and origin_s != 0.0 else ""
+        shifted = " ".join(filter(None, (moved, lost_times)))
         time_s, gridded = exact_grid(time_s)
         ignored = "The rate in [columns] is not used: the file has its own time."
         notes = (shifted, gridded, ignored if mapped.rate_Hz is not None else "")

@@ -103,7 +103,6 @@ class Record:
         part_of: Name of the test that this is one of several parts of; empty for a test as a whole.
         decided: Channels whose unit the motor file itself gives; a line that repeats the heading of
             a column, as `heatrun init` writes it, decides nothing.
-        origin_s: The first sample's time in the file, which `time_s` is counted from [s].
         clock_s: Time of the day at which the file's times are 0, where these are dates [s].
         masks: Windows whose readings are left out of the comparison, first and last time [s].
     """
@@ -122,7 +121,6 @@ class Record:
     part_of: str = ""
     masks: tuple[tuple[float, float], ...] = ()
     decided: frozenset[str] = frozenset()
-    origin_s: float = 0.0
     clock_s: float | None = None
 
     def __getitem__(self, channel: str) -> np.ndarray:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 
 FLOAT32_ULPS = 2.0
@@ -21,13 +19,8 @@ LARGEST_SHARE_OF_STEP = 0.05
 """Rounding beyond this share of a step could hide true jitter: then the times stay as they are."""
 
 
-def without_count(note: str) -> str:
-    """Return a note without what `from_first_sample` says, for times that count from elsewhere."""
-    return re.sub(r"time_s counts from the first sample, at \S+ s in the file\. ?", "", note)
-
-
-def from_first_sample(time_s: np.ndarray) -> tuple[np.ndarray, str]:
-    """Return times counted from the first finite one, and a note if that moved them.
+def from_first_sample(time_s: np.ndarray) -> tuple[np.ndarray, float, str]:
+    """Return times counted from the first finite one [s], that one [s], and a note on lost ones.
 
     A time that is infinite, or so far off that the difference is, counts as missing.
 
@@ -37,13 +30,14 @@ def from_first_sample(time_s: np.ndarray) -> tuple[np.ndarray, str]:
     start = float(time_s[np.flatnonzero(np.isfinite(time_s))[0]])
     with np.errstate(over="ignore"):
         moved = time_s - start
-    notes = []
-    if start != 0.0:
-        notes.append(f"time_s counts from the first sample, at {start:.9g} s in the file.")
     absurd = np.isinf(moved)
-    if absurd.any():
-        notes.append(f"{int(absurd.sum())} times are too large for a number and count as missing.")
-    return np.where(absurd, np.nan, moved), " ".join(notes)
+    note = f"{int(absurd.sum())} times are too large for a number and count as missing."
+    return np.where(absurd, np.nan, moved), start, note if absurd.any() else ""
+
+
+def counted_from(origin_s: float) -> str:
+    """Return the note on times that count from a first sample at `origin_s` in the file."""
+    return f"time_s counts from the first sample, at {origin_s:.9g} s in the file."
 
 
 def exact_grid(time_s: np.ndarray) -> tuple[np.ndarray, str]:

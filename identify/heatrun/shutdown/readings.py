@@ -16,7 +16,6 @@ from ..record.header import split_name
 from ..record.motor import Motor
 from ..record.record import Record
 from ..record.stretch import parse_time
-from ..record.timegrid import without_count
 from ..record.units import find_unit
 
 FEWEST = 3
@@ -147,10 +146,9 @@ def read_readings(path: Path, motor: Motor, at: str = "") -> Readings:
     _refuse_disorder(time_s, where)
     used = np.isfinite(time_s) & np.isfinite(values) & (time_s >= 0.0)
     before = int(np.sum(time_s < 0.0))
-    notes = [
-        *filter(None, map(without_count, record.notes)),
-        *([f"{before} readings before switch-off are left out."] if before else []),
-    ]
+    notes = [*record.notes]
+    if before:
+        notes.append(f"{before} readings before switch-off are left out.")
     time_s, values = time_s[used], values[used]
     if time_s.size < FEWEST:
         raise InputError(
@@ -200,7 +198,7 @@ def temperature(ohm: np.ndarray, reference_ohm: float, motor: Motor) -> np.ndarr
 
 def _read(path: Path, motor: Motor) -> Record:
     """Return the record; columns in ohms are the winding's, in a file of such readings."""
-    record = read_record(path, motor)
+    record = read_record(path, motor, is_from_first=False)
     if "winding_resistance_ohm" in record or "winding_degC" in record:
         return record
     ohms = [name for name in record.unused if _is_resistance(name)]
@@ -216,7 +214,7 @@ def _read(path: Path, motor: Motor) -> Record:
     if of_pair is not None:
         text = ohms[0]  # for its unit and the times
     columns = {**motor.columns_of(record.name), "winding_resistance_ohm": text}
-    read = read_record(path, replace(motor, columns=columns, tests={}))
+    read = read_record(path, replace(motor, columns=columns, tests={}), is_from_first=False)
     if of_pair is None or of_pair.shape[1] != read.time_s.size:
         return read
     values = _one_at_a_time(read.time_s, of_pair)
@@ -269,7 +267,7 @@ def _is_resistance(name: str) -> bool:
 
 def _since(record: Record, at: str, where: str) -> np.ndarray:
     """Return the times since switch-off [s]."""
-    time_s = record.time_s + record.origin_s
+    time_s = record.time_s
     clock = CLOCK.fullmatch(at.strip())
     if clock:
         hours, minutes, seconds = (float(part or 0.0) for part in clock.groups())

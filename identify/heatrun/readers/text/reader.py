@@ -146,7 +146,7 @@ def read_text(
     _refuse_units_between(body, layout, where)
     remarks = units_of_remarks(layout.preamble, layout.names)
     unreadable: list[np.ndarray] = []
-    unsettled: dict[int, Question | None] = {}
+    asked: dict[int, Question] = {}
     for index in range(layout.width):
         named = layout.names[index] if index < len(layout.names) else ""
         name = named or f"column {index + 1}"
@@ -181,49 +181,34 @@ def read_text(
                 where=where,
                 remedy="Give each column one name, in the order of the data.",
             )
-        if values.unreadable is not None:
-            unreadable.append(values.unreadable)
-        else:
-            unreadable.append(np.zeros(values.numbers.size, dtype=bool))
-        if layout.is_unsettled and values.question is None and not values.is_time:
-            unsettled[len(columns)] = unsettled_cells(cells, layout.decimal)
+        all_read = np.zeros(values.numbers.size, dtype=bool)
+        unreadable.append(all_read if values.unreadable is None else values.unreadable)
+        is_open = layout.is_unsettled and values.question is None and not values.is_time
+        if is_open and (question := unsettled_cells(cells, layout.decimal)):
+            asked[len(columns)] = question
         # a word that is no unit, such as "time" in the row of units, says nothing against a clock
         is_foreign = unit is not None and is_unit(unit) and find_unit(unit, "time") is None
         if values.is_time and (stated is not None or not is_foreign):
             unit = "s"
-        columns.append(
-            Column(
-                name,
-                label,
-                unit,
-                values.numbers,
-                values.note,
-                beside,
-                question=values.question,
-                start=values.start,
-            )
-        )
+        columns.append(Column(name, label, unit, values.numbers, values.note, beside,
+                              question=values.question, start=values.start))  # fmt: skip
         found = (unreadable_cells(values, name, body.numbers, where), doubtful(values, name, where))
         findings += [finding for finding in found if finding is not None]
     _refuse_second_header(unreadable, body.numbers, where)
     columns = _with_milliseconds(columns)
-    settled = next(
-        (columns[i] for i, asks in unsettled.items() if asks and _is_hot(columns[i])), None
-    )
-    for index, question in unsettled.items():
-        if question is None or settled is not None:
-            continue
-        if (layout.delimiter, layout.decimal) == (",", "."):
-            # Who separates thousands by a point has a decimal comma, and then no comma between
-            # cells; so it is a doubt and no question.
-            findings.append(_taken_as_decimal(question, columns[index].name, where))
-        else:
-            columns[index] = replace(columns[index], question=question)
+    settled = next((columns[index] for index in asked if _is_hot(columns[index])), None)
     if settled is not None:
         notes.append(
             f"'{layout.decimal}' is the decimal sign: '{settled.name}' would be above "
             f"{HOTTEST:g} {settled.unit} otherwise."
         )
+    elif (layout.delimiter, layout.decimal) == (",", "."):
+        # Who separates thousands by a point has a decimal comma, and then no comma between
+        # cells; so it is a doubt and no question.
+        findings += [_taken_as_decimal(one, columns[i].name, where) for i, one in asked.items()]
+    else:
+        for index, question in asked.items():
+            columns[index] = replace(columns[index], question=question)
     if not columns or not any(np.isfinite(column.values).any() for column in columns):
         raise InputError(
             "Expected at least one line of numbers, found none.",
