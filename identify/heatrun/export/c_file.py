@@ -101,6 +101,9 @@ COURSES = ("a sound sensor", "lost for a third of the course", "sticks for a thi
            "a start that is 30 K wrong")  # fmt: skip
 """What the observer's vectors go through."""
 
+MOST_PLAYED = 50_000
+"""Steps of a test that the observer is played on, at most: fourteen hours at 1 Hz."""
+
 ASKS_NOTHING = (-1.0, 0.0, 0.0)
 """Node, limit and horizon of a step without a question."""
 
@@ -382,11 +385,11 @@ class CSource:
         return text.getvalue().encode("ascii")
 
     def readings(self) -> bytes:
-        """Return inputs and readings of the whole test, as `observer_courses`: where no sample
-        falls into a step there is none.
+        """Return inputs and readings of the test, `MOST_PLAYED` steps at most, as
+        `observer_courses`: where no sample falls into a step there is none.
         """
         time = self.found["t"] - self.found["t"][0]
-        num = int(time[-1] / self.step + 1e-9)
+        num = min(int(time[-1] / self.step + 1e-9), MOST_PLAYED)
         latest = np.searchsorted(time, self.step * np.arange(num + 1) + 1e-9, side="right") - 1
         is_new = np.diff(latest) > 0
         text = io.StringIO()
