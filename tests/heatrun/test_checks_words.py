@@ -449,6 +449,33 @@ def test_a_small_winding_falls_fast_as_its_load_goes(loose_K):
     assert all(one.values["from_s"] == pytest.approx(1100.0, abs=1.0) for one in told)
 
 
+def test_a_small_motor_at_one_load_reads_the_same_whole_degree_for_long():
+    """A drone's motor in its wash, which ends with the load: one rise, one fall, and between them
+    40 minutes at 89 to 91 °C. By Euler steps; the rotor, which no network has, warms for long.
+    """
+    time_s = np.arange(0.0, 3000.0)
+    is_on = (time_s > 90.0) & (time_s < 2870.0)
+    losses = np.where(is_on, 135.0, 0.0)
+    ambient = 24.0 + 0.3 * np.sin(time_s / 700.0)
+    winding, stator, rotor, read = 24.0, 24.0, 24.0, []
+    for watts, air in zip(np.repeat(losses, 10), np.repeat(ambient, 10), strict=True):
+        across, to_rotor = (winding - stator) / 0.3, (stator - rotor) / 3.0
+        to_air = (stator - air) / (0.2 if watts else 0.9)
+        winding += 0.1 * (watts - across) / 20.0
+        stator += 0.1 * (across - to_rotor - to_air) / 150.0
+        rotor += 0.1 * (to_rotor - (rotor - air) / (0.6 if watts else 2.0)) / 250.0
+        read.append(winding)
+    noise_K = 0.15 * np.random.default_rng(1).standard_normal(time_s.size)
+    record = Record("run", {
+        "time_s": time_s, "winding_degC": np.round(np.array(read)[9::10] + noise_K),
+        "losses_W": losses, "phase_current_A": np.where(is_on, 25.0, 0.0),
+        "ambient_degC": np.round(ambient, 1),
+    })  # fmt: skip
+    assert errors(record) == []
+    held = np.where((time_s > 100.0) & (time_s < 1300.0), 60.0, record["winding_degC"])
+    assert "sensor_stuck" in errors(changed(record, winding_degC=held))
+
+
 def motor(*names: str):
     sections = "".join(f'[tests."{name}"]\nmask = [[600, 630]]\n' for name in names)
     return parse_motor(f'[motor]\nname = "M"\n{sections}'.encode(), "motor.toml")

@@ -147,9 +147,11 @@ class _Course:
             weighed = weights[:, None] * terms
             gram = terms.T @ weighed + RIDGE * np.eye(length.size)
             solved = np.linalg.solve(gram, change @ weighed)
-            rest = change - terms @ solved
-            scale = max(1.4826 * float(np.median(np.abs(rest))), floor)
-            far = np.abs(rest) / (TUKEY * scale)
+            by_heat = terms @ solved
+            rest = np.abs(change - by_heat)
+            scale = max(1.4826 * float(np.median(rest)), floor)
+            # of a long test at one load, rounded to 1 K, the steps of the load are all that tells
+            far = rest / (TUKEY * scale + OF_LOAD * np.abs(by_heat))
             weights = np.maximum(1.0 - far**2, 0.0) ** 2 if is_firm else 1.0 / np.maximum(far, 1.0)
         return self.terms @ (solved / length)
 
