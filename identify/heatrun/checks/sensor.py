@@ -68,6 +68,16 @@ def _noise(values: np.ndarray) -> float:
     return 1.4826 * float(np.median(np.abs(changes - np.median(changes))))
 
 
+SAME_S = 10.0
+"""Within this a jump and a movement are one [s]."""
+
+
+def _is_spike_at(finding: Finding, moved: Movement) -> bool:
+    at_s = finding.values["from_s"] or 0.0
+    is_there = moved.from_s - SAME_S <= at_s <= moved.to_s + SAME_S
+    return finding.severity != "error" and is_there
+
+
 def _looks_like_kelvin(temperature: np.ndarray) -> bool:
     """Then all values are off by 273 and `units_temperature` has the say."""
     return bool(np.min(temperature) > 230.0 and np.median(temperature) < 500.0)
@@ -79,12 +89,15 @@ def temperature_jump(record: Record, motor: Motor, looked: Looked) -> Iterator[F
     Of any machine, as `jumps_at_once`; of this one, by how it moved. What is a fall to the sink
     belongs to `sensor_detached`.
     """
-    found = tuple(jumps_at_once(record, motor))
-    yield from found
-    if any("winding_degC" in finding.where for finding in found):
-        return
-    moved = looked.moved
+    found, moved = tuple(jumps_at_once(record, motor)), looked.moved
+    of_winding = [one for one in found if "winding_degC" in one.where]
     if moved is None or is_fall(record, motor, moved):
+        yield from found
+        return
+    # a shift while the winding warms fast looks like a spike: how it moved says that it stays
+    stays = not moved.is_back and all(_is_spike_at(one, moved) for one in of_winding)
+    yield from (one for one in found if one not in of_winding or not stays)
+    if of_winding and not stays:
         return
     change = moved.to_degC - moved.from_degC
     advice = (
