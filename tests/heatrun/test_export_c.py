@@ -471,14 +471,14 @@ def test_an_observer_that_takes_a_missing_part_for_a_fault_is_given_more(half_ho
     made = source(half_hour, machine)
     sound, late = read_late(made, 0.0), read_late(made, 2.0)
     assert without_false_alarms(made, {"sound": sound}) == (made, [])
-    told = faults(made, replace(made, of_run={**made.of_run, **late}).readings())
+    told = faults(made, [replace(made, of_run={**made.of_run, **late}).readings()])
     assert told > 0
     widened, (note,) = without_false_alarms(made, {"late": late, "sound": sound})
     assert f"told {told} faults" in note
     assert widened.missed.misfit_K > made.missed.misfit_K
-    assert faults(widened, replace(widened, of_run={**made.of_run, **late}).readings()) == 0
+    assert faults(widened, [replace(widened, of_run={**made.of_run, **late}).readings()]) == 0
     stuck = {**sound, "Tw_m": np.full_like(sound["Tw_m"], sound["Tw_m"][900])}
-    assert faults(widened, replace(widened, of_run={**made.of_run, **stuck}).readings()) > 0
+    assert faults(widened, [replace(widened, of_run={**made.of_run, **stuck}).readings()]) > 0
 
 
 def hidden_machine(seed, num=3600, eA=0.0):

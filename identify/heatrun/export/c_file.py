@@ -392,12 +392,12 @@ class CSource:
         num = min(int(time[-1] / self.step + 1e-9), MOST_PLAYED)
         latest = np.searchsorted(time, self.step * np.arange(num + 1) + 1e-9, side="right") - 1
         is_new = np.diff(latest) > 0
+        reading = np.where(is_new, self.found["Tw_m"][latest[1:]], np.nan)
+        held, start = self._in_order(self._by_name(num)), np.atleast_1d(self.found["start"])
+        asked = np.tile(ASKS_NOTHING, (num, 1))
         text = io.StringIO()
         text.write(f"{self._observed_heading}\n")
-        self._write_observed(
-            text, self._held(num), np.where(is_new, self.found["Tw_m"][latest[1:]], np.nan),
-            np.atleast_1d(self.found["start"]), START_SD_K, np.tile(ASKS_NOTHING, (num, 1)),
-        )  # fmt: skip
+        self._write_observed(text, held, reading, start, START_SD_K, asked)
         return text.getvalue().encode("ascii")
 
     @property
@@ -440,11 +440,9 @@ class CSource:
         """Inputs held over the steps (step, input) and temperatures (step + 1, node)."""
         held = self._by_name(self.num_vectors)
         course = simulate_held(self.of_run, held, self.step)
-        return (np.column_stack([held[name] for name in self.inputs]),
-                np.column_stack([course[node] for node in self.nodes]))  # fmt: skip
+        return self._in_order(held), np.column_stack([course[node] for node in self.nodes])
 
-    def _held(self, num: int) -> Float[np.ndarray, "step input"]:
-        held = self._by_name(num)
+    def _in_order(self, held: Mapping[str, np.ndarray]) -> Float[np.ndarray, "step input"]:
         return np.column_stack([held[name] for name in self.inputs])
 
     def _by_name(self, num: int) -> dict[str, np.ndarray]:

@@ -13,7 +13,7 @@ import io
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -96,7 +96,7 @@ def without_false_alarms(
 
     def played(more: float) -> tuple[CSource, int]:
         widened = replace(source, missed=source.missed.widened(more))
-        return widened, sum(faults(widened, each) for each in courses)
+        return widened, faults(widened, courses)
 
     try:
         widened, first = played(0.0)
@@ -118,18 +118,23 @@ def without_false_alarms(
     return widened, [note]
 
 
-def faults(source: CSource, course: bytes) -> int:
-    """Return how many faults of its sensor the observer tells in a course [1].
+def faults(source: CSource, courses: Sequence[bytes]) -> int:
+    """Return how many faults of its sensor the observer tells in courses [1].
 
     Args:
         source: With an observer.
-        course: From `CSource.readings`.
+        courses: From `CSource.readings`.
 
     Raises:
         NoCompilerError: As `built`.
     """
-    with built({**source.texts(), PLAYED: course}) as (folder, words):
-        text = _written(folder, words, PLAYED).decode("ascii")
+    played = {f"{place}_{PLAYED}": course for place, course in enumerate(courses)}
+    with built({**source.texts(), **played}) as (folder, words):
+        return sum(_faults(_written(folder, words, name).decode("ascii")) for name in played)
+
+
+def _faults(text: str) -> int:
+    """Return how often the sensor of a played course is told to fail."""
     heading, *rows = [line for line in text.splitlines() if not line.startswith("#")]
     place = heading.split(",").index("sensor")
     sensor = np.loadtxt(io.StringIO("\n".join(rows)), delimiter=",", usecols=place, ndmin=1)

@@ -146,9 +146,13 @@ def _row(row: Permitted, say: Texts) -> Mapping[str, Any]:
         "high_95_A": high,
         "other_losses_W": row.other_losses_W,
         "other_losses_from": say.again(row.other_losses_from),
-        "condition": say.again(known(row.current.condition) or ""),
-        "refused": say.again(known(row.current.refused) or ""),
+        **_words(row.current, say),
     }
+
+
+def _words(rating: DerivedFigure, say: Texts) -> dict[str, str]:
+    said = {"condition": rating.condition, "refused": rating.refused}
+    return {name: say.again(known(words) or "") for name, words in said.items()}
 
 
 def _endured(row: Endured, say: Texts) -> Mapping[str, Any]:
@@ -159,8 +163,7 @@ def _endured(row: Endured, say: Texts) -> Mapping[str, Any]:
         "value": row.found.median,
         "low_95": low,
         "high_95": high,
-        "condition": say.again(known(row.found.condition) or ""),
-        "refused": say.again(known(row.found.refused) or ""),
+        **_words(row.found, say),
     }
 
 
