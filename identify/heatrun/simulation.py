@@ -222,7 +222,7 @@ class ByHand:
             moved: Parameters with other values than those of the start, by name.
         """
         values = {name: np.float64(value) for name, value in {**self.values, **moved}.items()}
-        means = block_means(self.model, values, self.test.observation().padded())
+        means = block_means(self.model, values, self.test.observation().padded().simulated())
         return self.test.own(means)
 
 

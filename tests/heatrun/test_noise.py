@@ -180,7 +180,7 @@ def test_restricted_likelihood_integrates_the_parameters_out(fitted):
     for shift in (0.0, 0.4):
         scores = noise_z + shift
         value = restricted_log_likelihood(
-            problem.data, scores, fitted.z, *map(problem.lengthened, (residual, jacobian))
+            problem.readings, scores, fitted.z, *map(problem.lengthened, (residual, jacobian))
         )
         from heatrun.model.noise import from_scores
 

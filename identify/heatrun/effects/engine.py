@@ -109,8 +109,7 @@ class Engine:
         self.problem = problem
         self.slots = problem.parameters.slots
         self.tests = problem.tests
-        self.observations = list(problem.data.tests)
-        self._padded = [test.observation().padded() for test in problem.tests]
+        self._padded = [test.observation().padded().simulated() for test in problem.tests]
         self._is_observed = problem.is_observed
         self.kinds = {kind.card.id: kind for kind in problem.model.effects}
         self._size = machine_size(problem.model, problem.motor, problem.tests)
@@ -131,7 +130,6 @@ class Engine:
     def _with(self, problem: Problem) -> Engine:
         changed = copy(self)
         changed.problem = problem
-        changed.observations = list(problem.data.tests)
         return changed
 
     @property
@@ -290,7 +288,7 @@ class Engine:
         parts = self.problem.split(stacked)
         rows = np.concatenate([
             test.own(noise_module.whiten(test.lengthened(part), noise, padded)[0])
-            for part, test, padded in zip(parts, self.tests, self.observations, strict=True)
+            for part, test, padded in zip(parts, self.tests, self.problem.readings, strict=True)
         ])  # fmt: skip
         return rows[:, :num] if num else rows
 

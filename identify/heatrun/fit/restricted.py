@@ -23,8 +23,9 @@ from scipy.optimize import minimize
 from ..io.programs import compiled
 from ..model import noise as noise_module
 from ..model.noise import LARGEST, LARGEST_SCORES, NOISE
-from ..model.problem import NUM_NOISE, Data, Problem
+from ..model.problem import NUM_NOISE, Problem
 from ..record.blocks import Logger
+from ..record.observation import Observation
 
 STARTS_S = (8.0, 40.0, 200.0)
 """Correlation times that the search starts from [s]; the likelihood may have two maxima."""
@@ -49,7 +50,7 @@ SCORE_LIMIT = 4.0
 
 
 def restricted_log_likelihood(
-    data: Data,
+    tests: Sequence[Observation],
     noise_z: Float[Array, " noise"],
     z: Float[Array, " parameter"],
     residual: Float[Array, " block"],
@@ -58,7 +59,7 @@ def restricted_log_likelihood(
     """Return the log likelihood of the noise plus its log prior, up to a constant [nat].
 
     Args:
-        data: The tests, for the layout of their blocks.
+        tests: What was read, as `Problem.readings`.
         noise_z: Scores of the noise.
         z: Scores at which `residual` was taken; the prior pulls from there to zero.
         residual: Residuals of all tests in a row [K].
@@ -67,7 +68,7 @@ def restricted_log_likelihood(
     Reference: H. D. Patterson, R. Thompson, Recovery of inter-block information when block sizes
         are unequal, Biometrika 58 (1971) 545-554.
     """
-    return jnp.asarray(conditional(data, noise_z, z, residual, jacobian).log_density)
+    return jnp.asarray(conditional(tests, noise_z, z, residual, jacobian).log_density)
 
 
 class Conditional(NamedTuple):
@@ -86,7 +87,7 @@ class Conditional(NamedTuple):
 
 
 def inner_products(
-    data: Data,
+    tests: Sequence[Observation],
     noise_z: Float[Array, " noise"],
     residual: Float[Array, " block"],
     columns: Float[Array, "block column"],
@@ -95,30 +96,30 @@ def inner_products(
     the log determinant of the noise.
 
     Args:
-        data: The tests, for the layout of their blocks.
+        tests: What was read, as `Problem.readings`.
         noise_z: Scores of the noise.
         residual: Of all tests in a row [K].
         columns: Such as derivatives, likewise [K].
     """
     noise = noise_module.from_scores(noise_z)
     joined = jnp.concatenate([residual[:, None], columns], axis=1)
-    ends = np.cumsum([test.measured.size for test in data.tests])[:-1]
+    ends = np.cumsum([test.measured.size for test in tests])[:-1]
     products, log_sd = jnp.zeros((joined.shape[1],) * 2), jnp.zeros(())
-    for part, test in zip(jnp.split(joined, ends), data.tests, strict=True):
+    for part, test in zip(jnp.split(joined, ends), tests, strict=True):
         of_test, half_log_det = noise_module.gram(part, noise, test)
         products, log_sd = products + of_test, log_sd + half_log_det
     return products, log_sd
 
 
 def conditional(
-    data: Data,
+    tests: Sequence[Observation],
     noise_z: Float[Array, " noise"],
     z: Float[Array, " parameter"],
     residual: Float[Array, " block"],
     jacobian: Float[Array, "block parameter"],
 ) -> Conditional:
     """Return what the linear model says; arguments as `restricted_log_likelihood`."""
-    products, log_sd = inner_products(data, noise_z, residual, jacobian)
+    products, log_sd = inner_products(tests, noise_z, residual, jacobian)
     precision = products[1:, 1:] + jnp.eye(jacobian.shape[1])
     gradient = products[1:, 0] + z  # of half the sum of squares, prior included
     factor = jnp.linalg.cholesky(precision)
@@ -228,7 +229,7 @@ def _given(
     """
     more = -z.size % MANY
     columns = np.pad(problem.lengthened(jacobian), ((0, 0), (0, more)))
-    return problem.data, np.pad(z, (0, more)), problem.lengthened(residual), columns
+    return problem.readings, np.pad(z, (0, more)), problem.lengthened(residual), columns
 
 
 def _num_sensors(problem: Problem) -> int:
@@ -305,14 +306,14 @@ def log_evidence(
 
 @compiled()
 @partial(jax.value_and_grad, argnums=(0, 1))
-def _objective(noise_z, log_scales, data, z, residual, jacobian):
+def _objective(noise_z, log_scales, tests, z, residual, jacobian):
     """Return minus the restricted likelihood with the noise of each sensor scaled anew."""
-    ends = np.cumsum([test.num_sensors for test in data.tests])[:-1]
-    tests = tuple(
+    ends = np.cumsum([test.num_sensors for test in tests])[:-1]
+    scaled = [
         eqx.tree_at(lambda t: t.noise_scale, test, test.noise_scale * jnp.exp(of_test))
-        for test, of_test in zip(data.tests, jnp.split(log_scales, ends), strict=True)
-    )
-    return -restricted_log_likelihood(replace(data, tests=tests), noise_z, z, residual, jacobian)
+        for test, of_test in zip(tests, jnp.split(log_scales, ends), strict=True)
+    ]
+    return -restricted_log_likelihood(scaled, noise_z, z, residual, jacobian)
 
 
 def noise_precision(
@@ -446,7 +447,7 @@ def whiten_fit(
     # side by side, so that one compilation serves all who need either
     parts = problem.split(np.column_stack([residual, jacobian]))
     rows, half_log_det = [], 0.0
-    for part, test, padded in zip(parts, problem.tests, problem.data.tests, strict=True):
+    for part, test, padded in zip(parts, problem.tests, problem.readings, strict=True):
         white, half = noise_module.whiten(test.lengthened(part), noise, padded)
         rows.append(test.own(white))
         half_log_det += float(half)

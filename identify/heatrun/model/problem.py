@@ -130,6 +130,11 @@ class Problem:
             ),
         )
 
+    @cached_property
+    def readings(self) -> tuple[Observation, ...]:
+        """What the noise needs of the tests of `data`."""
+        return tuple(test.compared() for test in self.data.tests)
+
     @property
     def is_observed(self) -> np.ndarray:
         """Which blocks hold a reading, all tests in a row."""

@@ -10,6 +10,7 @@ not linear is followed by moving and reshaping those draws.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -27,7 +28,8 @@ from ..fit.restricted import conditional
 from ..io.programs import compiled
 from ..model.kernels import NUM_KERNELS, Kernels, in_batches, log_student, student
 from ..model.noise import LARGEST_SCORES
-from ..model.problem import NUM_NOISE, Data, Problem, linearise
+from ..model.problem import NUM_NOISE, Problem, linearise
+from ..record.observation import Observation
 
 NUM_FIRST = 2048
 """Draws of the noise from which the kernels are made."""
@@ -173,7 +175,7 @@ class Proposal:
 
     def _placed(self, noise_z: np.ndarray, branch: np.ndarray, z: np.ndarray) -> Drawn:
         """Return draws; `z` holds standard draws of their branches, or scores as given."""
-        known = self.problem.data, self.kernels, self.optima, self.branches
+        known = self.problem.readings, self.kernels, self.optima, self.branches
         rows = noise_z, branch, z
         return Drawn(*in_batches(lambda part: _place(*known, *part), rows, BATCH, alone=True))
 
@@ -215,7 +217,7 @@ class Proposal:
 
 @compiled()
 def _place(
-    data: Data,
+    tests: Sequence[Observation],
     kernels: Kernels,
     optima: Optima,
     branches: Branches,
@@ -226,7 +228,7 @@ def _place(
     """Return the fields of `Drawn`; arguments as `Proposal._placed`."""
 
     def one(noise_z, branch, z):
-        linear = jax.vmap(partial(conditional, data, noise_z))(
+        linear = jax.vmap(partial(conditional, tests, noise_z))(
             optima.z, optima.residual, optima.jacobian
         )
         mean, factor = linear.mean[branches.optimum], linear.factor[branches.optimum]

@@ -21,6 +21,7 @@ Reference: J. M. Bardsley, A. Solonen, H. Haario, M. Laine, Randomize-then-optim
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -37,6 +38,7 @@ from ..io.programs import compiled
 from ..model.kernels import Kernels, at_once, in_batches, log_student, student
 from ..model.noise import LARGEST_SCORES
 from ..model.problem import NUM_NOISE, Data, Structure, linearise, residuals
+from ..record.observation import Observation
 
 FREEDOM = 100.0
 """Degrees of freedom of the draws: hardly more than normal tails, for a linear model's are those of
@@ -353,9 +355,9 @@ class Rto:
 
     def _linear(self, noise_z: Float[np.ndarray, "draw noise"]) -> _Linear:
         """Return what the linear model says of noises."""
-        data = self.fit.problem.data
+        tests = self.fit.problem.readings
         products, log_sd = in_batches(
-            partial(_many_products, data, self.residual, self.jacobian), noise_z, AT_A_TIME
+            partial(_many_products, tests, self.residual, self.jacobian), noise_z, AT_A_TIME
         )
         size = self.centre.size
         value = products[:, 1:, 0] + self.centre
@@ -368,15 +370,15 @@ class Rto:
         self, z: Float[np.ndarray, "draw parameter"], noise_z: Float[np.ndarray, "draw noise"]
     ) -> _Seen:
         """Return s and its slope at many places, each under its noise."""
-        structure, data = self.fit.problem.structure, self.fit.problem.data
+        problem = self.fit.problem
         size = z.shape[1]
 
         def some(start: int) -> np.ndarray:
             rows = []
             for k in range(start, min(start + AT_A_TIME, len(z))):
                 # one at a time: the Jacobians of a batch fall out of the cache
-                linear = linearise(structure, data, z[k])
-                rows.append(_cross_products(data, noise_z[k], *linear, self.jacobian))
+                linear = linearise(problem.structure, problem.data, z[k])
+                rows.append(_cross_products(problem.readings, noise_z[k], *linear, self.jacobian))
             return np.stack(rows)
 
         products = np.concatenate(at_once(some, range(0, len(z), AT_A_TIME)))
@@ -397,7 +399,9 @@ def _statistics(
         residual = jnp.concatenate(residuals(structure, data, z))
 
         def half_squares(rows: Float[Array, " block"]) -> Float[Array, ""]:
-            return 0.5 * inner_products(data, noise_z, rows, jnp.zeros((rows.size, 0)))[0][0, 0]
+            return (
+                0.5 * inner_products(data.tests, noise_z, rows, jnp.zeros((rows.size, 0)))[0][0, 0]
+            )
 
         return reference.T @ jax.grad(half_squares)(residual) + z
 
@@ -406,7 +410,7 @@ def _statistics(
 
 @compiled()
 def _cross_products(
-    data: Data,
+    tests: Sequence[Observation],
     noise_z: Float[Array, " noise"],
     residual: Float[Array, " block"],
     jacobian: Float[Array, "block parameter"],
@@ -414,19 +418,19 @@ def _cross_products(
 ) -> Float[Array, "parameter product"]:
     """Return the products of the columns of a reference with the residual and the Jacobian."""
     columns = jnp.concatenate([jacobian, reference], axis=1)
-    products, _ = inner_products(data, noise_z, residual, columns)
+    products, _ = inner_products(tests, noise_z, residual, columns)
     num = jacobian.shape[1]
     return products[1 + num :, : 1 + num]
 
 
 @compiled()
 def _many_products(
-    data: Data,
+    tests: Sequence[Observation],
     residual: Float[Array, " block"],
     jacobian: Float[Array, "block parameter"],
     noise_z: Float[Array, "draw noise"],
 ) -> tuple[Float[Array, "draw product product"], Float[Array, " draw"]]:
-    return jax.vmap(lambda each: inner_products(data, each, residual, jacobian))(noise_z)
+    return jax.vmap(lambda each: inner_products(tests, each, residual, jacobian))(noise_z)
 
 
 def _log_density(

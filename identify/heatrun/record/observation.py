@@ -90,6 +90,27 @@ class Observation(eqx.Module):
             moments=np.pad(moments, ((0, 0), (0, columns - moments.shape[1]))),
         )
 
+    def simulated(self) -> Observation:
+        """Return what a simulation needs of it: programs do not ask for the rest of the test."""
+        nothing = np.zeros(0)
+        return replace(
+            self,
+            measured=nothing,
+            is_observed=nothing.astype(bool),
+            count=nothing,
+            known_variance=nothing,
+            block_s=np.zeros(()),
+            heat=np.zeros((0, 0)),
+            moments=np.zeros((0, 0)),
+            noise_scale=nothing,
+        )
+
+    def compared(self) -> Observation:
+        """Return what the noise needs of it, likewise."""
+        nothing = np.zeros(0)
+        inputs = Inputs(step=np.zeros(()), current_squared=nothing, losses=nothing, ambient=nothing)
+        return replace(self, inputs=inputs, weight=np.zeros((0, 0)), position=np.zeros((0, 0)))
+
     @classmethod
     def of(
         cls,
