@@ -1,8 +1,15 @@
-"""The report as PDF: numbers to the digits that are read, words that fit their cells."""
+"""A report as PDF, as JSON and as CSV.
+
+In the PDF numbers have the digits that are read and words fit their cells; the tables as CSV are
+safe to open in a spreadsheet.
+"""
 
 from __future__ import annotations
 
+import csv
+import io
 import math
+import re
 import tempfile
 from collections.abc import Mapping, Sequence
 from importlib import resources
@@ -19,6 +26,7 @@ from heatrun.reports.printed import fixed, told
 
 from .bench_test_types import CARDS
 from .report import Cell, Line, Report, Row, Table
+from .report_name import DateOfTest
 
 TEMPLATE = resources.files("heatrun_reports") / "report.typ"
 LONGEST_TEXT = 900
@@ -41,7 +49,7 @@ def write_pdf(
 
     Args:
         report: What is to be set.
-        content: As `heatrun_reports.content.report_content`, with `"report"`, the
+        content: As `heatrun_reports.document.report_content`, with `"report"`, the
             file's name.
         path: Where it goes; written whole or not at all.
         say: The texts in the language of the report; None for English.
@@ -79,7 +87,7 @@ def document_content(
             for number, source in enumerate(report.sources)
         ],
         "rows": [_row(row) for row in report.rows],
-        "tables": [_table(table) for table in report.tables],
+        "tables": [_printed_table(table) for table in report.tables],
         "captions": [drawing.caption for drawing in report.drawings],
         "findings": [[f.severity, told(f, say)[0]] for f in report.findings],
         "definitions": [[name, text] for name, text in report.definitions],
@@ -171,7 +179,7 @@ def _row(row: Row) -> list[str]:
     return [row.label, value, row.unit, note]
 
 
-def _table(table: Table) -> dict[str, Any]:
+def _printed_table(table: Table) -> dict[str, Any]:
     head = [_with_unit(column.label, column.unit) for column in table.columns]
     lines = [[_with_unit(line.name, line.unit), *_short_cells(line)] for line in table.lines]
     notes = [f"{line.name}: {line.note}" for line in table.lines if line.note]
@@ -201,3 +209,100 @@ def _short(value: Cell) -> str:
         places = max(0, 3 - math.floor(math.log10(abs(value))))
         return f"{value:.{min(places, 4)}f}"
     return number(value)
+
+
+def report_content(report: Report, when: DateOfTest | None) -> dict[str, Any]:
+    """Return all that a report says, as numbers and texts.
+
+    Args:
+        report: Any report.
+        when: Date of the test and how it is known; None where it is not.
+    """
+    return {
+        "format": "heatrun-report/1",
+        "type": report.kind,
+        "title": report.title,
+        "test": report.test,
+        "motor": report.motor,
+        "date": when.day.isoformat() if when else None,
+        "date_from": when.basis if when else None,
+        "summary": report.summary,
+        "table": [
+            {"name": r.name, "label": r.label, "value": r.value, "unit": r.unit, "note": r.note}
+            for r in report.rows
+        ],
+        "tables": [_table(table) for table in report.tables],
+        "findings": list(report.findings),
+        "definitions": [{"name": name, "text": text} for name, text in report.definitions],
+        "channels": list(report.channels),
+        "sources": [
+            {"path": s.path, "sha256": s.sha256, "reader": s.reader} for s in report.sources
+        ],
+    }
+
+
+def _table(table: Table) -> dict[str, Any]:
+    return {
+        "title": table.title,
+        "note": table.note,
+        "lines": [
+            {
+                "name": line.name,
+                "note": line.note,
+                "cells": [
+                    {
+                        "quantity": column.label,
+                        "value": cell,
+                        "unit": line.unit if column.unit is None else column.unit,
+                    }
+                    for column, cell in zip(table.columns, line.cells, strict=True)
+                ],
+            }
+            for line in table.lines
+        ],
+    }
+
+
+HEAD = ("table", "of", "quantity", "value", "unit", "note")
+
+FORMULA = re.compile(r"(^|[;\t\r\n|])(\s*)(?=[=+\-@\uFF1D\uFF0B\uFF0D\uFF20])")
+"""Where a spreadsheet would see the beginning of a formula: at the start of a cell, and behind what
+another locale takes for a delimiter; the last four are the full-width forms."""
+
+
+def csv_table(report: Report) -> str:
+    """Return all tables of a report, one figure a line.
+
+    Numbers stay numbers, whatever their sign; texts that a spreadsheet would take for a formula get
+    an apostrophe in front of it. What is undefined is an empty cell with its reason in the note.
+
+    Args:
+        report: Any report.
+    """
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(HEAD)
+    for row in report.rows:
+        writer.writerow(_cells(report.title, report.test, row.label, row.value, row.unit, row.note))
+    for table in report.tables:
+        for line in table.lines:
+            for column, cell in zip(table.columns, line.cells, strict=True):
+                unit = line.unit if column.unit is None else column.unit
+                writer.writerow(_cells(table.title, line.name, column.label, cell, unit, line.note))
+    return stream.getvalue()
+
+
+def neutral(text: str) -> str:
+    """Return a text in which no spreadsheet sees a formula or a line of its own."""
+    plain = "".join(c if c.isprintable() else " " for c in text)
+    return FORMULA.sub(r"\1\2'", plain)
+
+
+def _cells(*cells: Cell) -> list[str]:
+    return [_cell(cell) for cell in cells]
+
+
+def _cell(cell: Cell) -> str:
+    if isinstance(cell, str):
+        return neutral(cell)
+    return "" if cell is None or not math.isfinite(cell) else f"{cell:.10g}"

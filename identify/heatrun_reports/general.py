@@ -14,7 +14,16 @@ from heatrun.record.motor import Motor
 from heatrun.record.record import Finding, Record
 from heatrun.record.samples import samples, sink_channel
 
-from .analysis.drive import Course, electrical_power, has, integrate, with_powers
+from .analysis.drive import (
+    Course,
+    OperatingMap,
+    above_one,
+    electrical_power,
+    has,
+    integrate,
+    operating_map,
+    with_powers,
+)
 from .analysis.general_information import (
     DEFINITIONS,
     FIGURES,
@@ -22,10 +31,9 @@ from .analysis.general_information import (
     GeneralInformation,
     general_information,
 )
-from .analysis.operating_map import OperatingMap, above_one, operating_map
 from .bench_test_types import NOT_OF_THE_MACHINE, TEST_TYPES
-from .figures.plot import courses, energy_course, plane
 from .operating_ranges import ShaftEnergy, recorded, rise_lines, shaft_energy, signal_table
+from .plot import courses, energy_course, plane
 from .report import Column, Drawing, Line, Report, Row, Table
 
 WORTH_SAYING = 0.01

@@ -15,7 +15,7 @@ from heatrun.record.rounding import rounding_step
 from heatrun.record.samples import is_measured, samples
 
 from .analysis.drive import bridged_steps, electrical_power, has, integrate, with_powers
-from .figures.plot import unit, wording
+from .plot import unit, wording
 from .report import Column, Line, Table
 
 NO_LOAD = 0.02

@@ -9,7 +9,7 @@ import pytest
 
 from heatrun.cli import _parser
 from heatrun.errors import InputError
-from heatrun_reports.build import check_use
+from heatrun_reports.job import check_use
 from heatrun_view.store import Folder, RecordStore
 from heatrun_view.tabs.page import Page
 from heatrun_view.tabs.sidebar import NO_RUN
