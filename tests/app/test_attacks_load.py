@@ -113,7 +113,7 @@ def test_uploads_of_all_pages_share_one_limit(serve, wire):
 
 
 def test_connections_that_say_nothing_are_cut(serve):
-    waits = {f"heatrun_view.server.serving:{name}": 2.0 for name in ("HEADER_S", "BODY_S")}
+    waits = {f"heatrun_view.server.handlers:{name}": 2.0 for name in ("HEADER_S", "BODY_S")}
     parts = urlsplit(serve(constants=waits).url)
     address = (parts.hostname, parts.port)
     silent = socket.create_connection(address, timeout=CUT_S)

@@ -20,11 +20,10 @@ from heatrun.errors import InputError
 from ..look import PART_CSS
 from ..reading import problem
 from ..running_jobs import JobQueue
-from ..store import Folder, RecordStore
+from ..store import Folder, RecordStore, UploadRoom
 from ..tabs.page import Page
-from ..uploads import UploadRoom
 from .gate import Gate, Ticket
-from .serving import serve
+from .handlers import serve
 
 LARGEST_PORT = 65535
 

@@ -22,9 +22,8 @@ from heatrun.shutdown.sheet import write_results
 from ..background import Soon, in_background
 from ..look import text_pane
 from ..reading import Reader, problem
-from ..runs import Run
+from ..runs import Run, run_name, typed_number
 from ..words import error_message, message, shutdown_html
-from .run_view import run_name, typed_number
 
 HEADS = {"resistance [mΩ]": "R [mOhm]", "resistance [Ω]": "R [Ohm]",
          "sensor in the winding [°C]": "T [degC]"}  # fmt: skip
