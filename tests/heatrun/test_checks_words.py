@@ -33,7 +33,7 @@ from heatrun.checks.suitability import other_tests
 from heatrun.checks.unexplained import unexplained_movement
 from heatrun.checks.which_unit import read_as
 from heatrun.cli import main
-from heatrun.commands.loading import load
+from heatrun.commands.calibrate import load
 from heatrun.motor.file import load_motor, parse_motor
 from heatrun.readers.joined import parts_of
 from heatrun.record.findings import FINDINGS, TITLE, page

@@ -24,7 +24,7 @@ from heatrun.posterior.predict import predict
 from heatrun.readers.joined import read_test
 from heatrun.record.motor import Motor
 from heatrun.record.reduction import reduce
-from heatrun.runs.motor_text import motor_text
+from heatrun.runs.write import motor_text
 
 BASE = {"time_s": TIME_S, "losses_W": LOSSES, "phase_current_A": CURRENT, "ambient_degC": ROOM}
 HEAD = '[motor]\nname = "M"\n'

@@ -36,7 +36,7 @@ def run(options: argparse.Namespace) -> int:
     from ..checks.suitability import other_tests, suitability
     from ..errors import InputError
     from ..init.unread import unread_test
-    from ..model.model_check import check_model, check_second_order
+    from ..model.model_parameters import check_model, check_second_order
     from ..motor.file import load_motor
     from ..readers.joined import read_tests
     from ..readers.mapping import ReadColumns, describe_columns, mapping_text

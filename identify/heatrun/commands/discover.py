@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from . import words
+from .calibrate import load
 from .console import DONE, NOT_ALLOWED, bar, printable, say
-from .loading import load
 
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:

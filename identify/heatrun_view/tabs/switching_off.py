@@ -14,7 +14,7 @@ import panel as pn
 
 from heatrun.errors import InputError
 from heatrun.record.motor import Motor
-from heatrun.shutdown.job import winding_at_switch_off
+from heatrun.shutdown import winding_at_switch_off
 from heatrun.shutdown.printed import figure
 from heatrun.shutdown.result import ShutdownResult
 from heatrun.shutdown.sheet import write_results
