@@ -21,13 +21,14 @@ import numpy as np
 
 from heatrun.errors import InputError
 from heatrun.io.caches import FolderLock
-from heatrun.io.file_set import is_aside, together
 from heatrun.io.quantities import printed_unit, rounded
 from heatrun.io.whole_files import (
     folder_name,
+    is_aside,
     moment,
     numbered,
     refuse_replacing,
+    together,
     writable,
     write_whole,
 )

@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from heatrun.errors import InputError, UsageError
-from heatrun.io.file_set import together
 from heatrun.io.open_file import digest
 from heatrun.io.own_files import is_run_folder, own_file_at
 from heatrun.io.texts import LANGUAGES, Texts
-from heatrun.io.whole_files import writable, write_whole
+from heatrun.io.whole_files import together, writable, write_whole
 from heatrun.readers.joined import read_tests
 from heatrun.record.motor import Motor
 from heatrun.record.record import Record

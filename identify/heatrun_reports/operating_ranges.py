@@ -11,8 +11,7 @@ import numpy as np
 
 from heatrun.record.motor import Motor
 from heatrun.record.record import Record
-from heatrun.record.rounding import rounding_step
-from heatrun.record.samples import is_measured, samples
+from heatrun.record.samples import is_measured, rounding_step, samples
 
 from .analysis.drive import bridged_steps, electrical_power, has, integrate, with_powers
 from .plot import unit, wording

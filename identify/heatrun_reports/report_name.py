@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from heatrun.errors import InputError
-from heatrun.io.file_set import names_begun
-from heatrun.readers.header_date import CLOCK_OF_DAY as CLOCK
+from heatrun.io.whole_files import names_begun
+from heatrun.readers.dates import CLOCK_OF_DAY as CLOCK
 from heatrun.record.record import Record
 
 from .bench_test_types import CARDS, Kind

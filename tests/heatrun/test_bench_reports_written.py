@@ -16,7 +16,7 @@ import pytest
 from pypdf import PdfReader
 
 from heatrun.cli import main
-from heatrun.io.file_set import FileSet
+from heatrun.io.whole_files import FileSet
 from heatrun.readers.joined import read_test, read_tests
 from heatrun.record.motor import Motor
 from heatrun_reports import CARDS, TEST_TYPES, job, make_report

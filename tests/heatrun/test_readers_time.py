@@ -13,8 +13,7 @@ from openpyxl import Workbook
 from heatrun.checks import check_record
 from heatrun.errors import InputError
 from heatrun.readers.clock import parse_time_format, read_clock, stated_format
-from heatrun.readers.dates import read_dates
-from heatrun.readers.header_date import header_day
+from heatrun.readers.dates import header_day, read_dates
 from heatrun.readers.read import read_record
 from heatrun.readers.text.reader import read_text
 from heatrun.record.motor import Motor

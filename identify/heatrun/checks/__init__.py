@@ -14,7 +14,6 @@ import numpy as np
 from ..record.balance_errors import shaft_power_disagrees
 from ..record.motor import Motor
 from ..record.record import Finding, Record
-from .absurd import losses_absurd
 from .advice import in_one_line
 from .course import (
     ambient_moving,
@@ -26,7 +25,7 @@ from .course import (
 )
 from .excitation import single_step, too_short
 from .frozen import Looked, saturation, sensor_stuck
-from .heat import losses_absent, losses_of_dc_link
+from .heat import losses_absent, losses_absurd, losses_of_dc_link
 from .load_spike import load_spike
 from .losses import current_amplitude, losses_below_copper, losses_negative, losses_of_shaft
 from .mend import mended

@@ -16,8 +16,7 @@ import numpy as np
 from ..record.channels import BODIES
 from ..record.motor import Motor
 from ..record.record import Finding, Record
-from ..record.rounding import rounding_step
-from ..record.samples import is_loaded, place, runs, samples, with_all_heat
+from ..record.samples import is_loaded, place, rounding_step, runs, samples, with_all_heat
 from ..record.stretch import windows, within
 from .advice import Remedy, mask_line
 from .quick_fit import QuickFit, course_of, fit_of, quick_fit

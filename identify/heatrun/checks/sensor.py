@@ -9,8 +9,15 @@ import numpy as np
 from ..record.channels import BODIES
 from ..record.motor import Motor
 from ..record.record import Finding, Record
-from ..record.rounding import rounding_step
-from ..record.samples import is_loaded, place, runs, samples, sink_channel, with_all_heat
+from ..record.samples import (
+    is_loaded,
+    place,
+    rounding_step,
+    runs,
+    samples,
+    sink_channel,
+    with_all_heat,
+)
 from ..record.stretch import windows
 from .advice import Part, Remedy, mask_line, use_line
 from .frozen import Looked

@@ -95,7 +95,7 @@ def calibrate_into_folder(
         compared: How the networks compare, in sentences that follow the result.
     """
     from ..calibration import Settings
-    from ..jobs.calibrate import Place, calibrate_into
+    from ..jobs import Place, calibrate_into
     from ..model.catalogue import known_effects
     from ..model.network_text import BUILT_IN
     from ..reports.terminal import result_text

@@ -18,9 +18,8 @@ import numpy as np
 import scipy.io
 
 from ..errors import InputError
-from ..io.file_set import together
 from ..io.own_files import EXPORT
-from ..io.whole_files import is_other, numbered, writable, write_whole
+from ..io.whole_files import is_other, numbered, together, writable, write_whole
 from ..model.network_form import NetworkForm
 from ..model.network_text import BUILT_IN, network_named
 from ..record.motor import Motor

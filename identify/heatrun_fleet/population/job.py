@@ -15,8 +15,7 @@ import pandas as pd
 from msgspec import UNSET, UnsetType
 
 from heatrun.errors import InputError
-from heatrun.io.file_set import together
-from heatrun.io.whole_files import is_other, refuse_replacing, write_whole
+from heatrun.io.whole_files import is_other, refuse_replacing, together, write_whole
 from heatrun.motor.file import NAME
 from heatrun.results import to_json, to_plain
 from heatrun.runs.run import Run, open_run
