@@ -20,10 +20,18 @@ from heatrun.runs.run import open_run
 from heatrun.work import Progress, Work
 
 from .bench_test_types import CARDS, TEST_TYPES, Kind
-from .document import csv_table, report_content, write_pdf
+from .document import (
+    DateOfTest,
+    choose_name,
+    csv_table,
+    date_of_record,
+    date_of_test,
+    report_content,
+    set_name,
+    write_pdf,
+)
 from .general import energy_report, general_report
 from .report import Report
-from .report_name import DateOfTest, choose_name, date_of_record, date_of_test, set_name
 from .simulated import Reference, read_reference, reference_of_run, refuse_changed, simulate_run
 from .thermal import thermal_report
 from .validation_report import validation_report

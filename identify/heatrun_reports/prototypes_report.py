@@ -28,6 +28,7 @@ from .analysis.drive import has, with_powers
 from .analysis.general_information import FIGURES
 from .analysis.validation import PERCENT, RULE, VERDICTS, FigureComparison, SignalComparison, place
 from .bench_test_types import PROTOTYPES
+from .document import date_of_test
 from .job import Outcome, settings_of, write_report
 from .plot import CYCLE, finish, line, samples_or_nan, stacked, thin, unit, wording
 from .prototypes import (
@@ -42,7 +43,6 @@ from .prototypes import (
     read_prototypes,
 )
 from .report import Column, Drawing, Line, Report, Row, Table
-from .report_name import date_of_test
 from .simulated import before, fitted_by, same_file, simulated_as
 from .validation_report import disagreement, figure_cells, lower
 

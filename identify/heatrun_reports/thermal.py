@@ -27,7 +27,7 @@ from .analysis.equilibrium import ThermalBehaviour, thermal_behaviour
 from .analysis.validation import instrument_class
 from .bench_test_types import NOT_OF_THE_MACHINE, TEST_TYPES, flow_words, unnamed
 from .document import number
-from .operating_ranges import places_of_readings, recorded, rise_lines, signal_table
+from .general import places_of_readings, recorded, rise_lines, signal_table
 from .plot import CYCLE, finish, line, samples_or_nan, stacked, unit, wording
 from .report import Column, Drawing, Line, Report, Row, Table
 from .simulated import Simulated, before, fitted_by

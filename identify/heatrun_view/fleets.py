@@ -20,7 +20,7 @@ from heatrun.errors import InputError
 from heatrun.io.quantities import printed_unit
 from heatrun.record.record import Finding
 
-from .server.gate import is_inside, read_inside
+from .gate import is_inside, read_inside
 from .store import Stamp
 from .words import findings_html, message, table
 

@@ -25,10 +25,10 @@ from heatrun.runs.run import course_name, open_run
 from heatrun.runs.run_folder import MANIFEST
 
 from .fleets import MACHINES
+from .gate import is_inside, read_inside
 from .linked import Band
 from .look import text_pane
 from .reading import problem
-from .server.gate import is_inside, read_inside
 from .store import Opened, Stamp
 from .words import error_message, message
 

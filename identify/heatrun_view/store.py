@@ -30,7 +30,7 @@ from heatrun.record.motor import Motor
 from heatrun.record.record import Record
 from heatrun.runs.run_folder import MANIFEST
 
-from .server.gate import is_inside, open_inside, outside
+from .gate import is_inside, open_inside, outside
 
 SUFFIXES = frozenset(
     (

@@ -22,7 +22,7 @@ from heatrun_reports import TEST_TYPES, Reference, build_report, make_report
 from heatrun_reports.analysis.drive import above_one, operating_map
 from heatrun_reports.analysis.general_information import general_information
 from heatrun_reports.document import csv_table, document_content, report_content
-from heatrun_reports.operating_ranges import shaft_energy
+from heatrun_reports.general import shaft_energy
 
 CAR = Motor("car", gear_ratio=9.1, wheel_radius_m=0.3)
 

@@ -21,8 +21,7 @@ from heatrun.readers.joined import read_test, read_tests
 from heatrun.record.motor import Motor
 from heatrun_reports import CARDS, TEST_TYPES, job, make_report
 from heatrun_reports.command import TYPES
-from heatrun_reports.document import neutral, number, printed
-from heatrun_reports.report_name import set_name
+from heatrun_reports.document import neutral, number, printed, set_name
 
 CAR = Motor("car", gear_ratio=9.1, wheel_radius_m=0.3)
 TEST = "Test_2022_12_07_001.csv"

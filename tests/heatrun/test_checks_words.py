@@ -26,7 +26,8 @@ from heat_runs import (
 )
 
 import heatrun
-from heatrun.checks import check_record, excitation
+from heatrun.checks import check_record
+from heatrun.checks import presence as excitation
 from heatrun.checks.advice import MotorFileLine, Remedy, in_one_line, use_line
 from heatrun.checks.quick_fit import quick_fit
 from heatrun.checks.suitability import other_tests

@@ -17,7 +17,7 @@ from heatrun.readers.dates import header_day, read_dates
 from heatrun.readers.read import read_record
 from heatrun.readers.text.reader import read_text
 from heatrun.record.motor import Motor
-from heatrun.record.timegrid import counted_from, exact_grid, from_first_sample
+from heatrun.record.raster import counted_from, exact_grid, from_first_sample
 
 
 @pytest.mark.parametrize(

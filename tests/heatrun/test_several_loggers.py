@@ -10,7 +10,7 @@ import pytest
 from drafted import BEARING, CURRENT, HOUSING, LOSSES, ROOM, TIME_S, WINDING, named, text_of
 
 from heatrun import cli
-from heatrun.checks.mend import mended
+from heatrun.checks import mended
 from heatrun.errors import InputError
 from heatrun.fit.fit import fit
 from heatrun.fit.restricted import estimate_loggers

@@ -19,11 +19,11 @@ from ..io.open_file import open_input
 from ..io.own_files import refuse_own_file
 from ..io.quantities import printable
 from ..readers.channel_map import MappedColumns, map_columns
-from ..readers.hints import Hints, hints_of
 from ..readers.joined import files_of, has_rate
 from ..readers.measurement import Measurement, header_of
 from ..readers.multirate import read_all
 from ..readers.read import name_of_test, opened, read_whole
+from ..readers.text.reader import Hints, hints_of
 from ..record.by_resistance import tells_winding
 from ..record.channels import CHANNEL, NOT_RECORDED, REQUIRED, Columns
 from ..record.derive import derive, formulas
