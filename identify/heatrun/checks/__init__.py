@@ -20,6 +20,7 @@ from ..record.channels import BODIES
 from ..record.derive import RAD_PER_S_PER_RPM, recorded_shaft_power
 from ..record.motor import Motor
 from ..record.record import Finding, Record
+from ..record.samples import channel_of
 from ..record.stretch import bridge, mask, windows, within
 from .advice import in_one_line
 from .course import (
@@ -171,7 +172,7 @@ def _of_the_sensor(record: Record, motor: Motor) -> tuple[list[Finding], Record]
         # a housing that is off makes a fault of the winding, and no winding one of the housing
         first = min(
             errors,
-            key=lambda one: ("winding_degC" in one.where, one.values.get("from_s") or 0.0),
+            key=lambda one: (channel_of(one) == "winding_degC", one.values.get("from_s") or 0.0),
         )
         told.append(first)
         record, _ = mended(record, motor, first)
@@ -184,14 +185,11 @@ def _is_below_a_top(finding: Finding, told: Sequence[Finding]) -> bool:
     """
     from_s, to_s = finding.values.get("from_s"), finding.values.get("to_s")
     return finding.id in ("saturation", "sensor_stuck") and any(
-        top.id == "saturation" and "winding_degC" in top.where and "winding_degC" in finding.where
+        top.id == "saturation" and channel_of(top) == channel_of(finding) == "winding_degC"
         and from_s is not None and to_s is not None
         and from_s <= (top.values["to_s"] or 0.0) and to_s >= (top.values["from_s"] or 0.0)
         for top in told
     )  # fmt: skip
-
-
-__all__ = ["CHECKS", "Check", "check_record", "current_scale_unchecked"]
 
 
 OF_THE_READING = ("sensor_detached", "temperature_jump", "sensor_stuck")
@@ -207,7 +205,7 @@ SHOWN = 20
 def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Motor]:
     """Return record and motor as they would be without a fault; as they are where none is known."""
     if finding.id == "sensors_differ" and "factor" in finding.values:
-        channel = finding.where.rpartition(", ")[2]
+        channel = channel_of(finding)
         values = np.array(record[channel], dtype=float)
         from_s, to_s = finding.values.get("from_s"), finding.values.get("to_s")
         span = (-np.inf if from_s is None else from_s, np.inf if to_s is None else to_s)
@@ -230,7 +228,7 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
     if finding.id == "resistance_coefficient":
         B = finding.values["coefficient_degC"] or motor.resistance_coefficient_degC
         return record, replace(motor, resistance_coefficient_degC=B)
-    if finding.id in OF_THE_READING and "winding_degC" not in finding.where:
+    if finding.id in OF_THE_READING and channel_of(finding) != "winding_degC":
         return _without(record, finding), motor
     if finding.severity != "error":
         return record, motor
@@ -244,11 +242,11 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
         return read_otherwise(record, motor, finding)
     if finding.id == "load_spike":
         return bridge(record, spike_windows(record, finding), ""), motor
-    if finding.id == "saturation" and "winding_degC" in finding.where:
+    if finding.id == "saturation" and channel_of(finding) == "winding_degC":
         winding = np.asarray(record["winding_degC"], dtype=float)
         clipped = np.isclose(winding, finding.values["extreme"] or 0.0)
         return mask(record, [*record.masks, *windows(record.time_s, clipped)], ""), motor
-    if finding.id in OF_THE_READING and "winding_degC" in finding.where:
+    if finding.id in OF_THE_READING and channel_of(finding) == "winding_degC":
         begin = finding.values.get("from_s")
         until = finding.values.get("until_s", finding.values.get("to_s"))
         if begin is not None and until is not None:
@@ -258,7 +256,7 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
 
 def _without(record: Record, finding: Finding) -> Record:
     """Return a record without a body that is off, or with a sink that stays as it was before."""
-    channel = finding.where.split(", ")[-2]
+    channel = channel_of(finding)
     num_jumps, num_lasting = (finding.values.get(f"num_{of}", 1.0) for of in ("jumps", "lasting"))
     if not num_lasting or (num_jumps or 0.0) > MOST_JUMPS:
         return record
@@ -268,3 +266,6 @@ def _without(record: Record, finding: Finding) -> Record:
         known = sink[before & np.isfinite(sink)]
         rest[channel] = np.where(before, sink, np.median(known[-SHOWN:]) if known.size else np.nan)
     return replace(record, channels=rest)
+
+
+__all__ = ["CHECKS", "Check", "check_record", "current_scale_unchecked"]

@@ -13,8 +13,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from .channels import CHANNEL
 from .motor import Motor
-from .record import Record
+from .record import Finding, Record
 from .stretch import runs as runs
 
 BEYOND_MEASURE = 1e12
@@ -179,6 +180,11 @@ def place(record: Record, channel: str, from_s: float, to_s: float | None = None
     """Return test, channel and time or time span in words."""
     moment = f"t = {from_s:.1f} s" if to_s is None else f"{from_s:.1f} s to {to_s:.1f} s"
     return ", ".join(part for part in (record.name, channel, moment) if part)
+
+
+def channel_of(finding: Finding) -> str:
+    """Return the channel that a finding is about, as `place` names it; empty if it names none."""
+    return next((part for part in finding.where.split(", ") if part in CHANNEL), "")
 
 
 MULTIPLE_TOLERANCE = 1e-3
