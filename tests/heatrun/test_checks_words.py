@@ -26,8 +26,7 @@ from heat_runs import (
 )
 
 import heatrun
-from heatrun.checks import check_record
-from heatrun.checks import presence as excitation
+from heatrun.checks import check_record, presence
 from heatrun.checks.advice import MotorFileLine, Remedy, in_one_line, use_line
 from heatrun.checks.quick_fit import quick_fit
 from heatrun.checks.suitability import other_tests
@@ -49,8 +48,8 @@ def test_a_long_test_is_not_called_too_short_for_its_length(monkeypatch):
     quick = quick_fit(record, MOTOR)
     assert quick is not None
     unsure = replace(quick, taus_s=(60.0, 900.0), log_sd=0.5)
-    monkeypatch.setattr(excitation, "quick_fit", lambda *_: unsure)
-    monkeypatch.setattr(excitation, "settling_constants", lambda *_: 0.0)
+    monkeypatch.setattr(presence, "quick_fit", lambda *_: unsure)
+    monkeypatch.setattr(presence, "settling_constants", lambda *_: 0.0)
     (finding,) = named(check_record(record, MOTOR), "too_short")
     assert finding.severity == "warning"
     assert "at least two" not in finding.message
@@ -260,15 +259,18 @@ BESIDE = {
 }
 
 
-@pytest.mark.parametrize("name", BESIDE)
-def test_a_housing_that_is_off_is_told_once_and_the_test_goes_on_without(name):
+@pytest.mark.parametrize(
+    ("name", "channel"),
+    [*((name, "housing_degC") for name in BESIDE), ("opens", "end_winding_degC")],
+)
+def test_a_body_that_is_off_is_told_once_and_the_test_goes_on_without(name, channel):
     id, struck = BESIDE[name]
-    record = changed(SLOW, housing_degC=struck(SLOW.time_s, LIVE))
+    record = changed(SLOW, **{channel: struck(SLOW.time_s, LIVE)})
     (finding,) = [one for one in check_record(record, MOTOR) if one.severity != "note"]
     assert finding.id == id
-    assert "housing_degC" in finding.where
-    assert 'housing_degC = "none" under [columns]' in finding.remedy
-    assert not [one for one in check_record(changed(SLOW, housing_degC=LIVE), MOTOR)
+    assert channel in finding.where
+    assert f'{channel} = "none" under [columns]' in finding.remedy
+    assert not [one for one in check_record(changed(SLOW, **{channel: LIVE}), MOTOR)
                 if one.severity != "note"]  # fmt: skip
 
 
