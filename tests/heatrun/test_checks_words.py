@@ -26,7 +26,7 @@ from heat_runs import (
 )
 
 import heatrun
-from heatrun.checks import check_record, presence
+from heatrun.checks import check_record, excitation
 from heatrun.checks.advice import MotorFileLine, Remedy, in_one_line, use_line
 from heatrun.checks.quick_fit import quick_fit
 from heatrun.checks.suitability import other_tests
@@ -48,8 +48,8 @@ def test_a_long_test_is_not_called_too_short_for_its_length(monkeypatch):
     quick = quick_fit(record, MOTOR)
     assert quick is not None
     unsure = replace(quick, taus_s=(60.0, 900.0), log_sd=0.5)
-    monkeypatch.setattr(presence, "quick_fit", lambda *_: unsure)
-    monkeypatch.setattr(presence, "settling_constants", lambda *_: 0.0)
+    monkeypatch.setattr(excitation, "quick_fit", lambda *_: unsure)
+    monkeypatch.setattr(excitation, "settling_constants", lambda *_: 0.0)
     (finding,) = named(check_record(record, MOTOR), "too_short")
     assert finding.severity == "warning"
     assert "at least two" not in finding.message

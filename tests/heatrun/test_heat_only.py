@@ -17,7 +17,7 @@ from two_sinks import RS0, TRUTH, air, amperes, coolant, course, iron, record
 import heatrun
 from heatrun import cli
 from heatrun.checks import check_record
-from heatrun.checks.presence import single_step
+from heatrun.checks.excitation import single_step
 from heatrun.checks.quick_fit import quick_fit
 from heatrun.errors import InputError
 from heatrun.fit.fit import fit

@@ -31,11 +31,12 @@ from .course import (
     start_not_in_equilibrium,
     truncation,
 )
+from .excitation import single_step, too_short
 from .frozen import Looked, saturation, sensor_stuck
 from .heat import losses_absent, losses_absurd, losses_of_dc_link
 from .load_spike import load_spike, spike_windows
 from .losses import current_amplitude, losses_below_copper, losses_negative, losses_of_shaft
-from .presence import missing_channel, nan_block, single_step, too_few_samples, too_short
+from .presence import missing_channel, nan_block, too_few_samples
 from .same_quantity import columns_disagree
 from .sensor import sensor_detached, temperature_jump
 from .standstill import current_scale_unchecked, resistance_coefficient, standstill_losses
