@@ -123,7 +123,7 @@ def check_record(record: Record, motor: Motor) -> tuple[Finding, ...]:
     Returns:
         The readers' own findings, then those of each check in the order of `CHECKS`, each carrying
         the name of the record. One of severity `"error"` forbids a fit. What follows from a fault
-        that another finding names is not told beside it: after it the record is checked as `mend`
+        that another finding names is not told beside it: after it the record is checked as `mended`
         makes it.
     """
     shapes = {np.shape(column) for column in record.channels.values()}
