@@ -38,7 +38,7 @@ def winding_at_switch_off(
         InputError: If a file cannot be read, or the run's network does not cool.
     """
     from ..motor.file import load_motor
-    from .readings import read_readings
+    from ..shutdown.readings import read_readings  # `.readings` would be the argument to pyright
     from .result import WITHIN_K, winding_at_shutdown
 
     machine = load_motor(Path(motor)) if isinstance(motor, str | Path) else motor
