@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from .motor.file import load_motor
     from .runs.before_after import compare_runs
     from .runs.run import Run, open_run
-    from .shutdown.job import winding_at_switch_off
+    from .shutdown import winding_at_switch_off
 
 __all__ = [
     "Found",
@@ -53,7 +53,7 @@ _PLACES = {
     "Run": ".runs.run",
     "open_run": ".runs.run",
     "compare_runs": ".runs.before_after",
-    "winding_at_switch_off": ".shutdown.job",
+    "winding_at_switch_off": ".shutdown",
 }
 
 

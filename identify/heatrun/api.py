@@ -15,8 +15,7 @@ import pandas as pd
 
 from .calibration import BenchTest, Method, Settings, load_tests
 from .checks import check_record
-from .jobs.calibrate import Place, calibrate_into
-from .jobs.discover import discover_into
+from .jobs import Place, calibrate_into, discover_into
 from .model.catalogue import all_effects, known_effects
 from .model.network_form import NetworkForm
 from .model.network_text import network_named, networks_of, pair_of

@@ -12,10 +12,9 @@ import pandas as pd
 from jaxtyping import Float
 
 from .errors import InputError
-from .io.file_set import together
 from .io.open_file import read_start
 from .io.toml_text import LARGEST_BYTES, parse_toml
-from .io.whole_files import is_other, numbered, refuse_replacing, writable, write_whole
+from .io.whole_files import is_other, numbered, refuse_replacing, together, writable, write_whole
 from .model.catalogue import known_effects
 from .model.courses import block_means
 from .model.draws import NUM_NOISE, Draws

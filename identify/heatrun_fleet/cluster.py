@@ -19,9 +19,9 @@ from uuid import uuid4
 
 from heatrun.errors import InputError
 
-from .batches import Batch
-from .parts import read_part, table_bytes
-from .work import Done, given_up, work_out
+from .fleet_file import Batch
+from .machine import Done, given_up, work_out
+from .rows import read_part, table_bytes
 
 DEATHS = 3
 """Workers that die on a batch until it is taken apart, and on one machine until it is given up."""
@@ -70,7 +70,7 @@ class Workers:
 
     @property
     def settings(self) -> dict[str, str]:
-        """What holds in the workers and not here, of `heatrun_fleet.batches.SETTINGS`."""
+        """What holds in the workers and not here, of `heatrun_fleet.fleet_file.SETTINGS`."""
         return {} if self.is_here else dict(OF_WORKERS)
 
 

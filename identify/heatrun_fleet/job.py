@@ -10,21 +10,25 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from heatrun.errors import InputError
 from heatrun.io.caches import FolderLock
-from heatrun.io.file_set import is_aside, together
+from heatrun.io.quantities import printed_unit, rounded
 from heatrun.io.whole_files import (
     folder_name,
+    is_aside,
     moment,
     numbered,
     refuse_replacing,
+    together,
     writable,
     write_whole,
 )
@@ -32,15 +36,13 @@ from heatrun.results.json_text import to_json
 from heatrun.runs.run_folder import environment, refuse_unwritable
 from heatrun.work import Progress, Work
 
-from .batches import Batch, batches_of, digests_of, numerics
 from .cluster import Workers, connected, over_workers, require_dask
-from .fleet_file import Fleet
-from .parts import FOLDER, Parts, join, read_part
+from .fleet_file import Batch, Fleet, batches_of, digests_of, numerics
+from .machine import Done, work_out
 from .results import FleetDiscoveryResult
-from .rows import schema
+from .rows import FITTED, FOLDER, Parts, join, read_part, schema
 from .shared_effects.job import NAME as DISCOVERY
 from .shared_effects.job import discover_fleet, read_discovery
-from .work import Done, work_out
 
 FORMAT = "heatrun-fleet/1"
 MACHINES, TIMING, MANIFEST = "machines.parquet", "timing.json", "manifest.json"
@@ -330,3 +332,99 @@ def _version(name: str) -> str:
 
 def _count(num: int, what: str) -> str:
     return f"{num} {what}{'' if num == 1 else 's'}"
+
+
+MOST_NAMED = 10
+"""Machines that are named with their reason on the terminal; all stand in the file."""
+
+COLUMNS = ("machine", "type", "status", "findings", "result", "parameters", "parameter_units",
+           "parameter_values",
+           "is_converged")  # fmt: skip
+
+
+def summary(result: FleetResult) -> dict[str, Any]:
+    """Return the object that `heatrun fleet --json` prints.
+
+    Args:
+        result: The fleet.
+    """
+    from pyarrow.parquet import ParquetFile
+
+    with ParquetFile(result.machines_path) as file:
+        rows = file.read(columns=list(COLUMNS)).to_pylist()
+    said = result.manifest
+    apart = [
+        {
+            "machine": row["machine"],
+            "status": row["status"],
+            "result": row["result"],
+            "findings": json.loads(row["findings"]),
+        }
+        for row in rows
+        if row["status"] != FITTED
+    ]
+    values: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
+    units: dict[str, str] = {}
+    for row in rows:
+        if row["status"] == FITTED:
+            units |= dict(zip(row["parameters"], row["parameter_units"], strict=True))
+            for name, value in zip(row["parameters"], row["parameter_values"], strict=True):
+                values[row["type"]][name].append(value)
+    types = {
+        type: {name: _spread(each, units[name]) for name, each in parameters.items()}
+        for type, parameters in values.items()
+    }
+    return {
+        "format": said["format"],
+        "fleet": said["fleet"],
+        "model": said["model"],
+        "machines": said["machines"],
+        "not_converged": [row["machine"] for row in rows
+                          if row["status"] == FITTED and not row["is_converged"]],
+        "apart": apart,
+        "types": types,
+        "run": str(result.path),
+    }  # fmt: skip
+
+
+def summary_text(found: dict[str, Any]) -> str:
+    """Return a summary as plain text for the terminal.
+
+    Args:
+        found: From `summary`.
+    """
+    machines = found["machines"]
+    lines = [
+        f"{found['fleet']}: {machines.get(FITTED, 0)} of {machines['all']} machines fitted "
+        f"(network: {found['model']})."
+    ]
+    if found["not_converged"]:
+        lines.append(f"Not converged: {', '.join(found['not_converged'][:MOST_NAMED])}"
+                     f"{_more(found['not_converged'])}.")  # fmt: skip
+    for each in found["apart"][:MOST_NAMED]:
+        errors = [f for f in each["findings"] if f["severity"] == "error"]
+        why = errors[0] if errors else {"message": each["result"], "where": "", "id": "failed"}
+        head = f"{why['where']}: " if why["where"] else ""
+        lines.append(
+            f"{each['status']:<8} {each['machine']}: {head}{why['message']}  ({why['id']})"
+        )
+    if len(found["apart"]) > MOST_NAMED:
+        lines.append(f"         and {len(found['apart']) - MOST_NAMED} more, all in the file.")
+    for type, parameters in found["types"].items():
+        lines.append(f"\n{'Type ' + type if type else 'All machines'}: median, and 90 % of the "
+                     "machines between")  # fmt: skip
+        for name, each in parameters.items():
+            low, high = each["interval_90"]
+            lines.append(f"  {name:<16} {rounded(each['median'], 4):>10}   {rounded(low, 4)} … "
+                         f"{rounded(high, 4)} {printed_unit(each['unit'])}".rstrip())  # fmt: skip
+    return "\n".join(lines)
+
+
+def _spread(values: list[float], unit: str) -> dict[str, Any]:
+    low, middle, high = np.quantile(values, [0.05, 0.5, 0.95])
+    return {"median": float(middle), "interval_90": [float(low), float(high)], "unit": unit,
+            "num_machines": len(values)}  # fmt: skip
+
+
+def _more(names: list[str]) -> str:
+    return f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""

@@ -7,27 +7,150 @@ the space in which the fit's prior is normal: the natural logarithm for paramete
 space the prior is normal too, parameter by parameter: `prior_mean` and `prior_sd`. The
 two together give the tests' own evidence back: precision inv(log_covariance) - diag(prior_sd^-2).
 All other parameters, those of instruments and starts, are integrated out of `log_covariance`.
-
 Nothing in a row depends on when, where or on how many processes it was worked out.
+
+The rows of a batch are a part: one Parquet file under a name that says what it was made of. A part
+is there whole or not at all. Its name is the SHA-256 of inputs, settings and versions, so it is
+found again by whoever asks for the same. A part with a machine that workers died on is kept under
+another ending, for what it holds, and is worked out again by the next run.
 """
 
 from __future__ import annotations
 
+import io
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
+from heatrun.errors import InputError
 from heatrun.fit.fit_result import RESULT, Fit
+from heatrun.io.whole_files import write_whole
 from heatrun.model.noise import noise_parameters
 from heatrun.record.record import Finding
-from heatrun.results.json_text import to_plain
+from heatrun.results.json_text import to_json, to_plain
 
-from .arrow_schema import LIST, Column, arrow_schema
 from .entries import Entry
-from .shared_effects.columns import COLUMNS as OF_EFFECTS
+from .shared_effects.pooled import Evidence
+
+LIST = "list of number"
+"""The kind of a column that holds numbers side by side."""
+
+Column = tuple[str, str, str, str]
+"""Name, kind, unit and meaning."""
+
+
+def arrow() -> Any:
+    """Return pyarrow.
+
+    Raises:
+        InputError: If it is not installed.
+    """
+    try:
+        import pyarrow
+    except ImportError as error:
+        raise InputError(
+            "Fleets are written as Parquet, which needs pyarrow, and it is not installed.",
+            remedy='Run: pip install "heatrun[fleet]"',
+        ) from error
+    return pyarrow
+
+
+def arrow_schema(columns: Sequence[Column], table_format: str) -> Any:
+    """Return the Arrow schema of rows; units and meanings stand in the fields' metadata.
+
+    Args:
+        columns: In order.
+        table_format: Name and version, written into the metadata of the schema.
+
+    Raises:
+        InputError: If pyarrow is not installed.
+    """
+    pa = arrow()
+    text, number = pa.string(), pa.float64()
+    kinds = {
+        "text": text,
+        "truth": pa.bool_(),
+        "number": number,
+        "count": pa.int64(),
+        "map": pa.map_(text, text),
+        "list of text": pa.list_(text),
+        LIST: pa.list_(number),
+        "list of file": pa.list_(pa.struct([("path", text), ("role", text), ("sha256", text)])),
+    }
+    fields = []
+    for name, kind, unit, meaning in columns:
+        said = {"meaning": meaning} | ({"unit": unit} if unit else {})
+        fields.append(pa.field(name, kinds[kind], metadata=said))
+    return pa.schema(fields, metadata={"format": table_format})
+
+
+OF_EFFECTS: tuple[Column, ...] = (
+    ("effect_parameters", "list of text", "", "with --discover: free parameters that effects are "
+     "told from, tests by number in brackets"),
+    ("effects", "list of text", "", "likewise: effects that the tests could show, each with a "
+     "setting of its shape"),
+    ("effect_scale", LIST, "", "amplitude of each effect at a score of 1, in its own unit"),
+    ("effect_score", LIST, "1", "derivative of the log likelihood by the scores of "
+     "effect_parameters, then of effects"),
+    ("effect_information", LIST, "1", "its precision: upper triangle, row by row"),
+    ("effect_visible_K", LIST, "K", "what each effect leaves of a refitted network at "
+     "a score of 1, root mean square"),
+)  # fmt: skip
+"""Name, kind, unit and meaning of each column, in order."""
+
+
+def effect_columns(evidence: Evidence) -> dict[str, Any]:
+    """Return the columns of a machine's row.
+
+    Args:
+        evidence: On effects.
+    """
+    return {
+        "effect_parameters": list(evidence.parameters),
+        "effects": list(evidence.effects),
+        "effect_scale": evidence.scale.tolist(),
+        "effect_score": evidence.score.tolist(),
+        "effect_information": packed(evidence.information),
+        "effect_visible_K": evidence.visible_K.tolist(),
+    }
+
+
+def evidence_in(row: Mapping[str, Any]) -> Evidence | None:
+    """Return the evidence on effects that a row holds, None where it holds none.
+
+    Args:
+        row: Of a machine, with the columns of `OF_EFFECTS`.
+    """
+    if not row["effects"]:
+        return None
+    score = np.asarray(row["effect_score"], dtype=float)
+    return Evidence(
+        parameters=tuple(row["effect_parameters"]),
+        effects=tuple(row["effects"]),
+        scale=np.asarray(row["effect_scale"], dtype=float),
+        score=score,
+        information=unpacked(row["effect_information"], score.size),
+        visible_K=np.asarray(row["effect_visible_K"], dtype=float),
+    )
+
+
+def packed(matrix: Float[np.ndarray, "all all"]) -> list[float]:
+    """Return the upper triangle of a symmetric matrix, row by row."""
+    return matrix[np.triu_indices(matrix.shape[0])].tolist()
+
+
+def unpacked(numbers: Any, size: int) -> Float[np.ndarray, "all all"]:
+    """Return the symmetric matrix of an upper triangle; the inverse of `packed`."""
+    matrix = np.zeros((size, size))
+    matrix[np.triu_indices(size)] = numbers
+    return matrix + np.triu(matrix, 1).T
+
 
 FORMAT = "heatrun-fleet-rows/3"
 
@@ -230,3 +353,121 @@ def findings_text(findings: Sequence[Finding]) -> str:
 def file_row(path: str, role: str, sha256: str) -> Row:
     """Return an entry of `inputs`; arguments as `COLUMNS` says."""
     return {"path": path, "role": role, "sha256": sha256}
+
+
+FOLDER = "parts"
+ROW_GROUP = 512
+"""Rows of a group of the joined file; it does not depend on the size of the batches."""
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The folder of the parts.
+
+    Attributes:
+        folder: Where they lie.
+    """
+
+    folder: Path
+
+    def path(self, name: str) -> Path:
+        """Return where the part of a batch is once it is whole."""
+        return self.folder / f"{name}.parquet"
+
+    def lost_path(self, name: str) -> Path:
+        """Return where the part of a batch is in which a machine was lost."""
+        return self.folder / f"{name}.lost.parquet"
+
+    def timing_path(self, name: str) -> Path:
+        """Return where the times of a batch stand."""
+        return self.folder / f"{name}.json"
+
+    def write(self, name: str, part: bytes, timing: dict[str, Any], *, is_lost: bool) -> None:
+        """Write a part, whole or not at all; the times first, so that each part has them.
+
+        Raises:
+            OSError: If it cannot be written.
+        """
+        self.folder.mkdir(parents=True, exist_ok=True)
+        write_whole(self.timing_path(name), (to_json(timing) + "\n").encode())
+        write_whole(self.lost_path(name) if is_lost else self.path(name), part)
+        if not is_lost:
+            self.lost_path(name).unlink(missing_ok=True)
+
+    def holds(self, name: str, machines: Sequence[str]) -> bool:
+        """Whether the part of a batch is there, undamaged, with just these machines."""
+        path = self.path(name)
+        if not path.is_file():
+            return False
+        try:
+            found = read_part(path).column("machine").to_pylist()
+        except (OSError, ValueError, KeyError):  # pyarrow's errors are kinds of these
+            return False
+        return found == list(machines)
+
+    def sweep(self, names: Iterable[str]) -> None:
+        """Remove the parts of other batches than these, and pieces of killed processes."""
+        kept = {p.name for n in names for p in (self.path(n), self.lost_path(n),
+                                               self.timing_path(n))}  # fmt: skip
+        for path in list(self.folder.iterdir()):
+            if path.name not in kept and path.is_file():
+                path.unlink()
+
+
+def part_bytes(rows: Sequence[Row]) -> bytes:
+    """Return rows as a Parquet file: the same bytes for the same rows."""
+    return table_bytes([arrow().Table.from_pylist(list(rows), schema=schema())])
+
+
+def table_bytes(tables: Sequence[Any]) -> bytes:
+    """Return tables of rows, in order, as one Parquet file."""
+    whole = arrow().concat_tables(tables).combine_chunks()
+    held = io.BytesIO()
+    with _writer(held) as writer:
+        writer.write_table(whole, row_group_size=ROW_GROUP)
+    return held.getvalue()
+
+
+def read_part(source: Path | bytes) -> Any:
+    """Return the table of a part.
+
+    Raises:
+        OSError: If it is damaged.
+    """
+    from pyarrow.parquet import ParquetFile
+
+    opened = io.BytesIO(source) if isinstance(source, bytes) else source
+    with ParquetFile(opened, page_checksum_verification=True) as file:
+        table = file.read()
+    if table.schema != schema():
+        raise ValueError("the part has other columns")
+    return table
+
+
+def join(paths: Iterable[Path], target: Path) -> None:
+    """Write the rows of parts, in order, into one file; memory holds two groups at most.
+
+    Args:
+        paths: The parts.
+        target: The file, written in place.
+    """
+    pa = arrow()
+    waiting: list[Any] = []
+    num = 0
+    with _writer(target) as writer:
+        for path in paths:
+            waiting.append(read_part(path))
+            num += waiting[-1].num_rows
+            while num >= ROW_GROUP:
+                whole = pa.concat_tables(waiting)
+                writer.write_table(whole.slice(0, ROW_GROUP).combine_chunks(),
+                                   row_group_size=ROW_GROUP)  # fmt: skip
+                waiting, num = [whole.slice(ROW_GROUP)], num - ROW_GROUP
+        if num:
+            writer.write_table(pa.concat_tables(waiting).combine_chunks(), row_group_size=ROW_GROUP)
+
+
+def _writer(target: Any) -> Any:
+    from pyarrow.parquet import ParquetWriter
+
+    return ParquetWriter(target, schema(), compression="zstd", write_page_checksum=True)

@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     from .bench_test_types import TEST_TYPES as TEST_TYPES
     from .bench_test_types import BenchTestType as BenchTestType
     from .bench_test_types import Kind as Kind
-    from .build import build_report as build_report
     from .general import energy_report as energy_report
     from .general import general_report as general_report
     from .job import Outcome as Outcome
+    from .job import build_report as build_report
     from .job import make_report as make_report
-    from .prototypes.report import make_prototypes_report as make_prototypes_report
+    from .prototypes_report import make_prototypes_report as make_prototypes_report
     from .report import Report as Report
     from .simulated import Reference as Reference
     from .simulated import read_reference as read_reference
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from .validation_report import validation_report as validation_report
 
 _PLACES = {
-    "build_report": ".build",
+    "build_report": ".job",
     "CARDS": ".bench_test_types",
     "TEST_TYPES": ".bench_test_types",
     "BenchTestType": ".bench_test_types",
@@ -35,7 +35,7 @@ _PLACES = {
     "general_report": ".general",
     "Outcome": ".job",
     "make_report": ".job",
-    "make_prototypes_report": ".prototypes.report",
+    "make_prototypes_report": ".prototypes_report",
     "Reference": ".simulated",
     "read_reference": ".simulated",
     "Report": ".report",

@@ -100,7 +100,7 @@ def _prototypes(options: argparse.Namespace, tolerances: Mapping[str, float]) ->
     from heatrun.motor.file import load_motor
 
     from . import make_prototypes_report
-    from .prototypes.prototype import parse_roles
+    from .prototypes import parse_roles
 
     if options.reference is not None or options.offset is not None:
         raise UsageError(

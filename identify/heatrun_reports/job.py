@@ -1,16 +1,17 @@
-"""Reports of one test or of many, written as PDF, CSV and JSON."""
+"""Reports of one test or of many: which tests are meant, written as PDF, CSV and JSON."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from heatrun.errors import InputError
-from heatrun.io.file_set import together
+from heatrun.errors import InputError, UsageError
 from heatrun.io.open_file import digest
+from heatrun.io.own_files import is_run_folder, own_file_at
 from heatrun.io.texts import LANGUAGES, Texts
-from heatrun.io.whole_files import writable, write_whole
+from heatrun.io.whole_files import together, writable, write_whole
 from heatrun.readers.joined import read_tests
 from heatrun.record.motor import Motor
 from heatrun.record.record import Record
@@ -18,15 +19,22 @@ from heatrun.results import to_json
 from heatrun.runs.run import open_run
 from heatrun.work import Progress, Work
 
-from .bench_test_types import Kind
-from .build import build_report, check_use
-from .content import report_content
-from .csv_table import csv_table
-from .document import write_pdf
+from .bench_test_types import CARDS, TEST_TYPES, Kind
+from .document import (
+    DateOfTest,
+    choose_name,
+    csv_table,
+    date_of_record,
+    date_of_test,
+    report_content,
+    set_name,
+    write_pdf,
+)
+from .general import energy_report, general_report
 from .report import Report
-from .report_name import DateOfTest, choose_name, date_of_record, date_of_test, set_name
-from .simulated import read_reference, refuse_changed
-from .tests_in import tests_in
+from .simulated import Reference, read_reference, reference_of_run, refuse_changed, simulate_run
+from .thermal import thermal_report
+from .validation_report import validation_report
 
 USUAL_S = 2.0
 """Time that a report usually takes [s]."""
@@ -201,3 +209,179 @@ def write_report(
         write_whole(files.aside / f"{name}.json", (to_json(content) + "\n").encode())
     pdf, table, text = (out / f"{name}{end}" for end in (".pdf", ".csv", ".json"))
     return Outcome(test, pdf, table, text, report, content)
+
+
+def build_report(
+    kind: Kind,
+    motor: Motor,
+    record: Record,
+    *,
+    run: Path | None = None,
+    reference: Reference | None = None,
+    tolerances: Mapping[str, float] | None = None,
+    offset_s: float | None = None,
+) -> Report:
+    """Return the report of a record; nothing is read but the run, nothing is written.
+
+    Args:
+        kind: Test type.
+        motor: The machine.
+        record: The test on the bench.
+        run: Folder of a calibration, for `"thermal"`; for `"virtual"` in place of a reference: the
+            run's network driven by the test.
+        reference: Record of the other prototype, for `"virtual"` and `"real"`.
+        tolerances: By channel, in its unit (K for temperatures); for `"virtual"` and `"real"`.
+        offset_s: What is added to the reference's clock [s]; searched if None.
+
+    Raises:
+        InputError: If the record does not allow this report.
+        UsageError: If something is given that the test type does not take, or lacks.
+    """
+    check_use(kind, run, reference is not None, tolerances, offset_s)
+    if kind == "general":
+        return general_report(motor, record)
+    if kind == "energy":
+        return energy_report(motor, record)
+    if kind == "thermal":
+        return thermal_report(motor, record, run)
+    if reference is None:
+        assert run is not None  # by check_use
+        reference = reference_of_run(simulate_run(run, record, motor), run, motor)
+    if kind == "virtual":
+        reference = replace(reference, is_model=True)
+    role = "virtual" if kind == "virtual" else "real"
+    return validation_report(
+        role, motor, record, reference, tolerances=tolerances, offset_s=offset_s
+    )
+
+
+def check_use(
+    kind: Kind,
+    run: Path | None,
+    has_reference: bool,
+    tolerances: Mapping[str, float] | None,
+    offset_s: float | None,
+) -> None:
+    """Check what a test type takes; as `build_report`.
+
+    Raises:
+        UsageError: If something is given that the test type does not take, or lacks.
+    """
+    if kind == "prototypes":
+        raise UsageError("a prototypes report takes records by role; see `confront`.")
+    if kind not in TEST_TYPES:
+        raise UsageError(f"no test type {kind!r}; there are {', '.join(TEST_TYPES)}.")
+    takes_reference = TEST_TYPES[kind].needs_reference
+    if not takes_reference and (has_reference or tolerances or offset_s is not None):
+        raise UsageError(
+            f"a {kind} report compares nothing: --reference, --tolerance and --offset belong to "
+            "virtual and real."
+        )
+    if run is not None and kind not in ("thermal", "virtual"):
+        raise UsageError(f"a {kind} report takes no --run; thermal and virtual do.")
+    if run is not None and has_reference:
+        raise UsageError("give either --reference or --run: both would be the virtual prototype.")
+    if takes_reference and not has_reference and run is None:
+        option = " or --run RUN" if kind == "virtual" else ""
+        raise UsageError(f"a {kind} report needs --reference FILE{option}.")
+
+
+ENDINGS = (
+    *(".csv", ".txt", ".dat", ".tsv", ".asc", ".mat", ".parquet", ".mf4", ".mdf", ".tdms"),
+    *(".xlsx", ".xlsm"),
+)
+"""Endings of bench files, alone or with `.gz`."""
+
+NO_TESTS = (
+    "readme",
+    "license",
+    "sheet.xlsx",
+    "~$",
+    *(card.stem.lower() for card in CARDS.values()),
+)
+"""Beginnings of names beside bench files that are none: notes, parameter sheets, locks of Excel,
+and the reports themselves."""
+
+
+@dataclass(frozen=True)
+class ReportedTests:
+    """What is to be reported on.
+
+    Attributes:
+        tests: Files and records in order.
+        left_out: Files of folders that are taken for no bench files.
+        own: Files and run folders that heatrun itself has written.
+    """
+
+    tests: tuple[Path | Record, ...]
+    left_out: tuple[Path, ...]
+    own: tuple[Path, ...] = ()
+
+
+def tests_in(named: Sequence[Path | Record]) -> ReportedTests:
+    """Return records and files as they are, and for each folder its bench files by name.
+
+    Whether a file of a folder is one is told by its ending, and by its first line where it is one
+    that heatrun has written; hidden files and folders are passed over, folders in it are entered,
+    and run folders are not.
+
+    Args:
+        named: Files, folders or records.
+
+    Raises:
+        InputError: If a folder holds no bench file, or is a run.
+    """
+    tests: list[Path | Record] = []
+    left_out: list[Path] = []
+    own: list[Path] = []
+    for each in named:
+        if isinstance(each, Record) or not each.is_dir():
+            tests.append(each)
+            continue
+        if is_run_folder(each):
+            raise InputError(
+                "Expected bench files, got a run folder of heatrun.",
+                where=str(each),
+                remedy="Name the bench file that the run was made from; a run goes behind --run.",
+            )
+        files, runs = _files(each)
+        own_here = [path for path in files if is_bench_file(path) and own_file_at(path)]
+        own += [*runs, *own_here]
+        files = [path for path in files if path not in own_here]
+        found = [path for path in files if is_bench_file(path)]
+        if not found:
+            only_own = " but what heatrun has written" if own_here or runs else ""
+            raise InputError(
+                f"Expected a folder of bench files, found none in it{only_own}.",
+                where=str(each),
+                remedy=f"Known endings are {', '.join(ENDINGS)}, also with .gz.",
+            )
+        tests += found
+        left_out += [path for path in files if path not in found]
+    return ReportedTests(tuple(tests), tuple(left_out), tuple(own))
+
+
+def is_bench_file(path: Path) -> bool:
+    """Return whether a file's name is that of a bench file."""
+    name = path.name.lower()
+    return name.removesuffix(".gz").endswith(ENDINGS) and not name.startswith(NO_TESTS)
+
+
+def _files(folder: Path) -> tuple[list[Path], list[Path]]:
+    """Return the files of a folder, and the run folders in it, which are not entered."""
+
+    def refuse(error: OSError) -> None:
+        raise InputError(
+            f"The folder cannot be read ({error.strerror}).",
+            where=str(error.filename or folder),
+            remedy="Check its permissions.",
+        ) from error
+
+    files: list[Path] = []
+    runs: list[Path] = []
+    for at, folders, names in os.walk(folder, onerror=refuse):
+        shown = sorted(name for name in folders if not name.startswith("."))
+        folders[:] = [name for name in shown if not is_run_folder(Path(at) / name)]
+        runs += [Path(at) / name for name in shown if name not in folders]
+        files += [Path(at) / name for name in sorted(names) if not name.startswith(".")]
+    return files, runs

@@ -13,7 +13,7 @@ from .analysis.equilibrium import ThermalBehaviour
 from .analysis.general_information import GeneralInformation
 from .analysis.validation import Validation
 from .bench_test_types import Kind
-from .prototypes.confront import Confrontation
+from .prototypes import Confrontation
 
 Cell = float | str | None
 """A number, a word, or None where undefined."""

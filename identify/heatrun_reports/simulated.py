@@ -1,6 +1,8 @@
 """What a run says of a test, and the record of the other prototype that a report sets beside it.
 
-A report names the digest of its files, so that they must still be the files it was made of.
+A report names the digest of its files, so that they must still be the files it was made of. What
+makes a comparison weaker than it looks, such as a simulation in place of a measured prototype, is
+said on its first line.
 """
 
 from __future__ import annotations
@@ -101,8 +103,8 @@ def refuse_changed(sources: Iterable[Source]) -> None:
 
 
 SIDES = ("low", "high")
-SIMULATED = ("time_s", "copper_loss_W", "other_loss_W")
-"""Columns that `heatrun simulate` writes; no bench measures the last two."""
+ONLY_SIMULATED = ("copper_loss_W", "other_loss_W")
+"""Columns that `heatrun simulate` writes, no bench measures and no channel claims."""
 
 Limits = tuple[Float[np.ndarray, " time"], Float[np.ndarray, " time"]]
 
@@ -163,12 +165,12 @@ def read_reference(path: Path, motor: Motor) -> Reference:
         if channel.name in record and all(name in columns for name in names):
             low, high = (np.asarray(columns[name], dtype=float) for name in names)
             bands[channel.name] = (low, high)
-    is_simulated = all(name in columns for name in SIMULATED)
+    is_ours = all(name in columns for name in ("time_s", *ONLY_SIMULATED))
     return Reference(
         record=record,
         bands=bands,
-        inputs=driving(motor) if is_simulated else frozenset(),
-        starts_at_s=float(columns["time_s"][0]) if is_simulated else None,
+        inputs=driving(motor) if is_ours else frozenset(),
+        starts_at_s=float(columns["time_s"][0]) if is_ours else None,
     )
 
 
@@ -216,3 +218,49 @@ def _on_axis(axis: np.ndarray, clock: np.ndarray, values: np.ndarray) -> np.ndar
     if not known.any():
         return np.full(axis.size, np.nan)
     return np.interp(axis, clock[known], values[known], left=np.nan, right=np.nan)
+
+
+def is_simulated(record: Record) -> bool:
+    """Return whether a record is a file that heatrun simulated."""
+    return all(name in record.unused for name in ONLY_SIMULATED)
+
+
+def simulated_as(role: str, record: Record) -> str:
+    """Return the sentence on a simulation in the place of a measured prototype; else nothing.
+
+    Args:
+        role: What it is given as.
+        record: As read.
+    """
+    if not is_simulated(record):
+        return ""
+    return f"{record.name}, given as {role}, is a simulation by heatrun and no measured prototype."
+
+
+def fitted_by(run: Path, record: Record) -> str:
+    """Return the sentence on a record that a run was calibrated on; else nothing.
+
+    Args:
+        run: Its folder.
+        record: The record that its network is held against.
+    """
+    test = open_run(run).fitted_as(record)
+    if test is None:
+        return ""
+    return (
+        f"{record.name} is the calibration test {test} of the run {run.name} (same SHA-256): its "
+        "agreement with the network is no validation."
+    )
+
+
+def same_file(first: Record, second: Record) -> str:
+    """Return the sentence on two records of the same bytes; else nothing."""
+    digests = [{source.sha256 for source in record.sources} for record in (first, second)]
+    if not digests[0] or digests[0] != digests[1]:
+        return ""
+    return f"{first.name} and {second.name} are the same file (same SHA-256)."
+
+
+def before(sentences: Iterable[str], summary: str) -> str:
+    """Return a summary with what must be said first before it, each sentence once."""
+    return " ".join([*dict.fromkeys(s for s in sentences if s), summary])

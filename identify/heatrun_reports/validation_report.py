@@ -21,11 +21,9 @@ from .analysis.validation import (
     validate,
 )
 from .bench_test_types import TEST_TYPES
-from .figure_cells import figure_cells, is_judged
-from .figures.plot import overlay, unit, wording
-from .independence import before, fitted_by, same_file, simulated_as
+from .plot import overlay, unit, wording
 from .report import Column, Drawing, Line, Report, Row, Table
-from .simulated import Reference
+from .simulated import Reference, before, fitted_by, same_file, simulated_as
 
 DIFFERENCE_COLUMNS = (
     Column("bias"),
@@ -208,3 +206,22 @@ def _line(signal: SignalComparison) -> Line:
     )
     note = f"tolerance {signal.tolerance.basis}"
     return Line(wording(signal.channel), unit(signal.channel, is_difference=True), cells, note)
+
+
+def is_judged(figure: FigureComparison) -> bool:
+    """Return whether the figure has a verdict on agreement."""
+    return figure.verdict in ("agrees", "differs")
+
+
+def figure_cells(figure: FigureComparison) -> tuple[float | str | None, ...]:
+    """Return the test's value, the reference's, their difference [%], tolerance and verdict.
+
+    A tolerance that judged nothing is left out.
+    """
+    return (
+        figure.test,
+        figure.reference,
+        figure.difference_percent,
+        figure.tolerance.value if is_judged(figure) else None,
+        figure.verdict,
+    )

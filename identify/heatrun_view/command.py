@@ -13,7 +13,7 @@ from heatrun.commands import words
 from heatrun.commands.console import DONE
 
 if TYPE_CHECKING:
-    from .server.running import ViewServer
+    from .serving import ViewServer
 
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
@@ -64,7 +64,7 @@ def run(options: argparse.Namespace) -> int:
     from heatrun.errors import InputError
 
     try:
-        from .server.running import make_server
+        from .serving import make_server
     except ImportError as error:
         raise InputError(
             f"The live view needs packages that are not installed ({error.name}).",

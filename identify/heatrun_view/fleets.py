@@ -20,7 +20,7 @@ from heatrun.errors import InputError
 from heatrun.io.quantities import printed_unit
 from heatrun.record.record import Finding
 
-from .server.gate import is_inside, read_inside
+from .gate import is_inside, read_inside
 from .store import Stamp
 from .words import findings_html, message, table
 
@@ -124,7 +124,7 @@ def _found(root: Path, pattern: str) -> list[Path]:
 
 @lru_cache(maxsize=4)
 def _rows(root: Path, files: tuple[tuple[Path, Stamp], ...]) -> tuple[Row, ...]:
-    from heatrun_fleet.parts import read_part  # needs pyarrow
+    from heatrun_fleet.rows import read_part  # needs pyarrow
 
     rows: list[Row] = []
     for path, _ in files:

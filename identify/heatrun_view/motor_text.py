@@ -17,7 +17,7 @@ from heatrun.errors import InputError
 from heatrun.io.toml_text import LARGEST_BYTES, parse_toml, table_header
 from heatrun.motor.file import parse_motor
 
-from .server.gate import read_inside, replace_inside
+from .gate import read_inside, replace_inside
 from .words import error_message
 
 BOM = b"\xef\xbb\xbf"
@@ -182,7 +182,7 @@ def write_motor_file(root: Path, path: Path, before: bytes, after: bytes) -> Non
         after: What it is to hold.
 
     Raises:
-        InputError: If it was sent to the page, or as `heatrun_view.server.gate.replace_inside`.
+        InputError: If it was sent to the page, or as `heatrun_view.gate.replace_inside`.
     """
     refuse_sent(root, path)
     if len(after) > LARGEST_BYTES:

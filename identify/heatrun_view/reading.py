@@ -14,7 +14,7 @@ from heatrun.init.survey import Survey, survey
 from heatrun.io.whole_files import Opener, opening_by
 from heatrun.motor.file import load_motor
 from heatrun.readers.following import NotFollowed
-from heatrun.readers.gaps import over_gaps
+from heatrun.readers.joined import over_gaps
 from heatrun.readers.mapping import HEAD, describe_columns, grouped
 from heatrun.record.motor import Motor, PartsOfTest
 from heatrun.record.record import Finding, Record

@@ -1,4 +1,8 @@
-"""Commands that the page starts: one at a time, in a process of their own, to be cancelled."""
+"""Commands that the page starts: one at a time, in a process of their own, to be cancelled.
+
+`python -m heatrun_view.running_jobs WORDS…` is such a process, and the words are those after
+`heatrun`. It ends when the server does, however the server ended.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
@@ -31,6 +36,9 @@ MAX_JOBS = 20
 
 END_S = 5.0
 """Wait for a command that was told to end, before it is killed [s]."""
+
+LOOK_S = 0.5
+"""How often a command looks whether its server is there [s]."""
 
 KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
 
@@ -157,7 +165,7 @@ class JobQueue:
 
 def _start(words: Sequence[str]) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", f"{__package__}.process", *words, "--json"],
+        [sys.executable, "-m", f"{__package__}.running_jobs", *words, "--json"],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -218,3 +226,21 @@ def _take(job: Job, line: str) -> None:
             pass
     if line.strip():
         job.lines.append(line)
+
+
+def _end_with(server: int) -> None:
+    """End this process and what it has started, once its server is gone."""
+    while os.getppid() == server:
+        time.sleep(LOOK_S)
+    if hasattr(os, "killpg") and os.getpgrp() == os.getpid():
+        os.killpg(os.getpid(), signal.SIGKILL)
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    from heatrun.cli import main
+
+    asked = os.environ.pop(SERVER, "")
+    if asked.isdigit():
+        threading.Thread(target=_end_with, args=(int(asked),), daemon=True).start()
+    sys.exit(main())

@@ -15,7 +15,7 @@ import pytest
 
 from heatrun.errors import InputError
 from heatrun.io.whole_files import opening_by
-from heatrun_view.server.gate import open_inside, read_inside
+from heatrun_view.gate import open_inside, read_inside
 from heatrun_view.store import Folder
 
 SECRET = "root:x:0:0:secret of the system"

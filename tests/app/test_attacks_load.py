@@ -113,7 +113,7 @@ def test_uploads_of_all_pages_share_one_limit(serve, wire):
 
 
 def test_connections_that_say_nothing_are_cut(serve):
-    waits = {f"heatrun_view.server.serving:{name}": 2.0 for name in ("HEADER_S", "BODY_S")}
+    waits = {f"heatrun_view.handlers:{name}": 2.0 for name in ("HEADER_S", "BODY_S")}
     parts = urlsplit(serve(constants=waits).url)
     address = (parts.hostname, parts.port)
     silent = socket.create_connection(address, timeout=CUT_S)
@@ -152,7 +152,7 @@ FEW_PAGES = 4
 
 @pytest.mark.slow
 def test_a_flood_of_pages_ends_at_a_number(serve, wire):
-    server = serve(constants={"heatrun_view.server.handlers:PageHandler.MAX_SESSIONS": FEW_PAGES})
+    server = serve(constants={"heatrun_view.handlers:PageHandler.MAX_SESSIONS": FEW_PAGES})
     tabs = [wire.Tab(server.url) for _ in range(2)]
     answers = []
     for _ in range(5):

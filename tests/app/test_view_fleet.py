@@ -25,7 +25,7 @@ pytest.importorskip("pyarrow")
 sys.path.insert(0, str(Path(__file__).parents[1] / "fleet"))
 from rows_of_machines import machine, refused, write_rows
 
-from heatrun_fleet.parts import part_bytes
+from heatrun_fleet.rows import part_bytes
 
 # The page runs on Panel 1.6 too, which knows only the names that 2.0 will drop.
 pytestmark = pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")

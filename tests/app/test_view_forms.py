@@ -9,11 +9,10 @@ import pytest
 
 from heatrun.cli import _parser
 from heatrun.errors import InputError
-from heatrun_reports.build import check_use
-from heatrun_view.store import Folder, RecordStore
+from heatrun_reports.job import check_use
+from heatrun_view.store import Folder, RecordStore, UploadRoom
 from heatrun_view.tabs.page import Page
 from heatrun_view.tabs.sidebar import NO_RUN
-from heatrun_view.uploads import UploadRoom
 
 # The page runs on Panel 1.6 too, which knows only the names that 2.0 will drop.
 pytestmark = pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")

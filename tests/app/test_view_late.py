@@ -10,9 +10,8 @@ import pytest
 from bokeh.document import Document
 from panel.io.state import set_curdoc
 
-from heatrun_view.store import Folder, RecordStore
+from heatrun_view.store import Folder, RecordStore, UploadRoom
 from heatrun_view.tabs.page import Page
-from heatrun_view.uploads import UploadRoom
 
 WAIT_S = 1.0
 """Many times what it takes to render a tab."""

@@ -25,12 +25,18 @@ from heatrun.runs.verdict import favoured, restrictions
 from heatrun_view.background import in_background
 from heatrun_view.look import LIGHT
 from heatrun_view.running_jobs import JobQueue
-from heatrun_view.runs import last_motor, runs_under
-from heatrun_view.store import Folder, RecordStore, Stamp
+from heatrun_view.runs import last_motor, run_name, run_view, runs_under
+from heatrun_view.store import (
+    BoundedDropper,
+    Folder,
+    RecordStore,
+    Stamp,
+    UploadRoom,
+    keep_upload,
+    safe_name,
+)
 from heatrun_view.tabs.fitting import FitFigure, error_of
-from heatrun_view.tabs.run_view import run_name, run_view
 from heatrun_view.trace import GAP, Trace
-from heatrun_view.uploads import BoundedDropper, UploadRoom, keep_upload, safe_name
 from heatrun_view.words import calibration_html, discovery_html, error_message, message, table
 
 STORED = Path(__file__).parents[1] / "stored"

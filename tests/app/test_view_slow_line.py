@@ -21,7 +21,7 @@ def open_tab(serve, wire):
     with contextlib.ExitStack() as opened:
 
         def tab(look_s):
-            url = serve(constants={"heatrun_view.server.handlers:LOOK_S": look_s}).url
+            url = serve(constants={"heatrun_view.handlers:LOOK_S": look_s}).url
             return opened.enter_context(contextlib.closing(wire.Tab(url)))
 
         yield tab

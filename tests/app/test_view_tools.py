@@ -11,6 +11,7 @@ import pytest
 
 from heatrun.errors import InputError
 from heatrun.record.record import Record
+from heatrun_view.gate import replace_inside
 from heatrun_view.linked import Plots, Told
 from heatrun_view.look import DARK, LIGHT, Screen
 from heatrun_view.motor_text import (
@@ -20,7 +21,6 @@ from heatrun_view.motor_text import (
     without_window,
     write_windows,
 )
-from heatrun_view.server.gate import replace_inside
 from heatrun_view.store import Opened, Stamp
 from heatrun_view.tabs.signals import Cutting, shifts_of
 from heatrun_view.trace import Trace, colours, cursor_table, spoken, unit_of

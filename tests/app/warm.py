@@ -28,7 +28,7 @@ PR_SET_PDEATHSIG = 1
 def main() -> int | None:
     """Answer until nobody asks; in a process that was forked, become the command."""
     from heatrun import cli
-    from heatrun_view.server import running  # noqa: F401
+    from heatrun_view import serving  # noqa: F401
 
     gc.freeze()
     for line in sys.stdin.buffer:  # read by no thread, so that a fork finds nothing half-read

@@ -47,7 +47,7 @@ from run import machine as about_machine  # noqa: E402
 
 from heatrun.fit.fit import fit  # noqa: E402
 from heatrun_fleet.job import BATCH  # noqa: E402
-from heatrun_fleet.work import FEWEST, fit_machines  # noqa: E402
+from heatrun_fleet.machine import FEWEST, fit_machines  # noqa: E402
 
 OUT = ROOT / "results" / "fleet" / "throughput.md"
 NUM_SIMULATED, NOISE_K, SAMPLE_S, DURATION_S = 32, 0.05, 1.0, 7200.0

@@ -48,7 +48,7 @@ PHASES = {
     "checks of the fit": "heatrun.calibration.fit_findings",
     "reduction": "heatrun.calibration.check_reduction",
     "comparison of the networks": "heatrun.calibration.assemble",
-    "writing the run": "heatrun.jobs.calibrate.write_run",
+    "writing the run": "heatrun.jobs.write_run",
     "figures": "heatrun.reports.figures.drawn",
     "figure of page 1": "heatrun.reports.of_run.drawn",
     "typesetting": "heatrun.reports.of_run.write_pdf",
@@ -56,7 +56,7 @@ PHASES = {
 }
 """Functions of the command by what they do, at the place that they are called from."""
 
-MODULES = ("heatrun.commands.calibrate", "heatrun.jobs.calibrate", "heatrun.api")
+MODULES = ("heatrun.commands.calibrate", "heatrun.jobs", "heatrun.api")
 """What the command loads sooner or later."""
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from kill_points import in_child, tell
 
-from heatrun.io.file_set import READY, names_begun, together
+from heatrun.io.whole_files import READY, names_begun, together
 
 NAMES = ("table.csv", "figures/one.png", "figures/two.png", "report.json", "report.pdf")
 FOREIGN = "figures/mine.txt"

@@ -25,7 +25,7 @@ from pathlib import Path
 
 WRITES = ("open", "os.rename", "os.remove", "os.rmdir", "os.mkdir", "os.link", "os.symlink",
           "shutil.rmtree")  # fmt: skip
-MODULES = ("heatrun.cli", "heatrun.calibration", "heatrun.jobs.discover",
+MODULES = ("heatrun.cli", "heatrun.calibration", "heatrun.jobs",
            "heatrun_reports.job", "heatrun.export", "heatrun.simulation",
            "heatrun.reports.of_run", "heatrun.runs.netcdf",
            "heatrun.reports.terminal", "arviz", "xarray", "h5netcdf",

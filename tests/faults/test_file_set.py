@@ -10,8 +10,7 @@ import threading
 
 import pytest
 
-from heatrun.io.file_set import FileSet, names_begun, together
-from heatrun.io.whole_files import undisturbed
+from heatrun.io.whole_files import FileSet, names_begun, together, undisturbed
 
 NUM_FILES, SCRIPT = 5, "set_kill_points.py"
 
@@ -65,7 +64,7 @@ def test_a_living_process_keeps_what_it_is_writing(tmp_path):
     (mine.aside / "a").write_text("a")
     program = (
         "import pathlib\n"
-        "from heatrun.io.file_set import together\n"
+        "from heatrun.io.whole_files import together\n"
         f"with together(pathlib.Path({str(tmp_path)!r}), 'other') as files:\n"
         "    (files.aside / 'b').write_text('b')\n"
     )

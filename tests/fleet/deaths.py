@@ -6,10 +6,9 @@ import os
 import signal
 from pathlib import Path
 
-from heatrun_fleet.batches import Batch
-from heatrun_fleet.parts import part_bytes
-from heatrun_fleet.rows import REFUSED, unfitted
-from heatrun_fleet.work import Done
+from heatrun_fleet.fleet_file import Batch
+from heatrun_fleet.machine import Done
+from heatrun_fleet.rows import REFUSED, part_bytes, unfitted
 
 ALWAYS, ONCE = "M003", "M001"
 

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from heatrun_fleet.parts import part_bytes
-from heatrun_fleet.rows import COLUMNS
+from heatrun_fleet.rows import COLUMNS, part_bytes
 
 NAMES = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
 UNITS = ("J/K", "J/K", "K/W", "K/W")

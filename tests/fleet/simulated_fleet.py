@@ -11,9 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from heatrun_fleet.batches import Batch, batches_of, digests_of, numerics
 from heatrun_fleet.cluster import Workers
-from heatrun_fleet.fleet_file import load_fleet
+from heatrun_fleet.fleet_file import Batch, batches_of, digests_of, load_fleet, numerics
 from heatrun_fleet.job import calibrate_fleet_into
 
 MOTOR = """[motor]

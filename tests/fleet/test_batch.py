@@ -13,8 +13,7 @@ from heatrun.fit.fit import delays, fit
 from heatrun.fit.restricted import polished_noise
 from heatrun.model.problem import Problem, whitened
 from heatrun.record.motor import ParameterOverride
-from heatrun_fleet.batch.fit import fit_batch, fits
-from heatrun_fleet.batch.layout import NotBatched, bucket, key_of, pack
+from heatrun_fleet.batch.fit import NotBatched, bucket, fit_batch, fits, key_of, pack
 from heatrun_fleet.batch.residuals import residuals_of_group, solve, sweep
 from heatrun_fleet.batch.search import search
 

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from simulated_fleet import calibrated, planned, write_fleet
 
-from heatrun_fleet import work as fitting
-from heatrun_fleet.machine import Prepared, prepare
-from heatrun_fleet.parts import read_part, table_bytes
-from heatrun_fleet.work import FEWEST, TOO_FEW, fit_machines, work_out
+from heatrun_fleet import machine as fitting
+from heatrun_fleet.machine import FEWEST, TOO_FEW, Prepared, fit_machines, prepare, work_out
+from heatrun_fleet.rows import read_part, table_bytes
 
 NUM = FEWEST + 2
 

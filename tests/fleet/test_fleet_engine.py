@@ -23,8 +23,8 @@ from heatrun.errors import InputError
 from heatrun.io.caches import FolderLock
 from heatrun_fleet import job
 from heatrun_fleet.cluster import Workers
-from heatrun_fleet.parts import Parts, read_part
-from heatrun_fleet.work import Done
+from heatrun_fleet.machine import Done
+from heatrun_fleet.rows import Parts, read_part
 
 pytest.importorskip("distributed")
 

@@ -22,9 +22,8 @@ from heatrun.motor.file import load_motor
 from heatrun_fleet.entries import COLUMNS as OF_A_TABLE
 from heatrun_fleet.fleet_file import KEYS
 from heatrun_fleet.machine import Prepared, prepare
-from heatrun_fleet.parts import read_part
 from heatrun_fleet.population.table import COLUMNS as OF_A_POPULATION
-from heatrun_fleet.rows import COLUMNS, schema
+from heatrun_fleet.rows import COLUMNS, read_part, schema
 
 FAR = 4.0
 """Standard deviations; beyond it lie 6 in 100 000, and 24 numbers are looked at."""

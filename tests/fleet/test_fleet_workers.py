@@ -13,7 +13,7 @@ from simulated_fleet import planned
 from heatrun.errors import InputError
 from heatrun_fleet import cluster, job
 from heatrun_fleet.cluster import Pool, Workers, connected, over_workers
-from heatrun_fleet.parts import read_part
+from heatrun_fleet.rows import read_part
 
 pytest.importorskip("distributed")
 

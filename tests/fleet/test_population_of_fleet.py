@@ -16,7 +16,7 @@ from heatrun.errors import InputError
 from heatrun.motor.file import parse_motor
 from heatrun.results import from_json
 from heatrun.results.schema import schema_of
-from heatrun_fleet.population.design import covariates_of, designed
+from heatrun_fleet.population.gathered import covariates_of, designed
 from heatrun_fleet.population.of_fleet import gathered_of_fleet, read_fleet
 from heatrun_fleet.population.table import COLUMNS, schema
 from heatrun_fleet.results import PopulationResult

@@ -19,7 +19,7 @@ import heatrun
 from heatrun.errors import InputError
 from heatrun.motor.file import parse_motor
 from heatrun.record.motor import HEAT_LIMITS
-from heatrun_fleet.population.sheet_content import type_sheet_content
+from heatrun_fleet.population.sheet import type_sheet_content
 
 NUM = 60
 LOOSE, LATENT, SILENT = "M005", "M009", "M012"

@@ -22,11 +22,10 @@ from heatrun.results import to_json
 from heatrun.results.schema import schema_of
 from heatrun_fleet.machine import Prepared, prepare
 from heatrun_fleet.results.schema import SCHEMAS
-from heatrun_fleet.shared_effects.claims import discovery_text
-from heatrun_fleet.shared_effects.columns import effect_columns, evidence_in, packed, unpacked
+from heatrun_fleet.rows import effect_columns, evidence_in, packed, unpacked
 from heatrun_fleet.shared_effects.job import NAME, discover_fleet, discover_type, read_discovery
 from heatrun_fleet.shared_effects.pooled import Evidence, evidence_of, pool
-from heatrun_fleet.shared_effects.search import FEWEST
+from heatrun_fleet.shared_effects.search import FEWEST, discovery_text
 from lptn.effects import EFFECTS as EFFECTS_OF_CATALOGUE
 
 PARAMETERS = ("Req_sr", "power_gain", "sensor_gain", "Tsr_start[1]")

@@ -11,9 +11,13 @@ from pypdf import PdfReader
 
 from heatrun.results import from_json
 from heatrun.results.discovery import ValueWithInterval
-from heatrun_fleet.population.sheet import write_type_sheet
-from heatrun_fleet.population.sheet_content import type_sheet_content
-from heatrun_fleet.population.sheet_figure import MOST_MACHINES, shown_machines, type_figures
+from heatrun_fleet.population.sheet import (
+    MOST_MACHINES,
+    shown_machines,
+    type_figures,
+    type_sheet_content,
+    write_type_sheet,
+)
 from heatrun_fleet.results import PopulationResult
 
 STORED = Path(__file__).parents[1] / "stored" / "population-1.json"

@@ -17,8 +17,8 @@ from heatrun.record.record import Record
 from heatrun.record.reduction import reduce
 from heatrun.results.json_text import to_plain
 from heatrun.runs.machine import tested
-from heatrun.runs.motor_text import motor_text
 from heatrun.runs.run import ModelOfRun, model_text
+from heatrun.runs.write import motor_text
 from lptn.effects import AbstractEffect
 
 TRUTH = {"Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625, "Rs0": 0.0062}

@@ -17,7 +17,7 @@ from heatrun.effects.found import find
 from heatrun.errors import InputError
 from heatrun.fit.fit import fit
 from heatrun_fleet.batch.fit import fit_batch
-from heatrun_fleet.work import fit_machines
+from heatrun_fleet.machine import fit_machines
 
 BEGINNINGS = {
     # wrong sums are refused before anything is looked at: no test is needed here

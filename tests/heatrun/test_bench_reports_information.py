@@ -19,12 +19,10 @@ from heatrun.record.record import Record
 from heatrun.reports.printed import told
 from heatrun.results import to_json
 from heatrun_reports import TEST_TYPES, Reference, build_report, make_report
+from heatrun_reports.analysis.drive import above_one, operating_map
 from heatrun_reports.analysis.general_information import general_information
-from heatrun_reports.analysis.operating_map import above_one, operating_map
-from heatrun_reports.content import report_content
-from heatrun_reports.csv_table import csv_table
-from heatrun_reports.document import document_content
-from heatrun_reports.operating_ranges import shaft_energy
+from heatrun_reports.document import csv_table, document_content, report_content
+from heatrun_reports.general import shaft_energy
 
 CAR = Motor("car", gear_ratio=9.1, wheel_radius_m=0.3)
 

@@ -16,14 +16,12 @@ import pytest
 from pypdf import PdfReader
 
 from heatrun.cli import main
-from heatrun.io.file_set import FileSet
+from heatrun.io.whole_files import FileSet
 from heatrun.readers.joined import read_test, read_tests
 from heatrun.record.motor import Motor
 from heatrun_reports import CARDS, TEST_TYPES, job, make_report
 from heatrun_reports.command import TYPES
-from heatrun_reports.csv_table import neutral
-from heatrun_reports.document import number, printed
-from heatrun_reports.report_name import set_name
+from heatrun_reports.document import neutral, number, printed, set_name
 
 CAR = Motor("car", gear_ratio=9.1, wheel_radius_m=0.3)
 TEST = "Test_2022_12_07_001.csv"

@@ -11,7 +11,7 @@ from heatrun.record.blocks import length_class
 from heatrun.record.motor import Motor
 from heatrun.record.record import Record
 from heatrun.record.reduction import reduce
-from heatrun.record.rounding import rounding_step
+from heatrun.record.samples import rounding_step
 
 
 def record(time, current=100.0, winding=None, **channels):

@@ -21,7 +21,7 @@ from heatrun.record.by_resistance import METER_SD, REFERENCE_SD, sensor_sd
 from heatrun.record.motor import Motor
 from heatrun.record.record import Record
 from heatrun.record.reduction import reduce
-from heatrun.runs.motor_text import motor_text
+from heatrun.runs.write import motor_text
 
 TIME_S = np.arange(0.0, 2700.0, 3.0)
 ROOM = 19.0

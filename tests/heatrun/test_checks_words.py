@@ -33,7 +33,7 @@ from heatrun.checks.suitability import other_tests
 from heatrun.checks.unexplained import unexplained_movement
 from heatrun.checks.which_unit import read_as
 from heatrun.cli import main
-from heatrun.commands.loading import load
+from heatrun.commands.calibrate import load
 from heatrun.motor.file import load_motor, parse_motor
 from heatrun.readers.joined import parts_of
 from heatrun.record.findings import FINDINGS, TITLE, page
@@ -259,15 +259,18 @@ BESIDE = {
 }
 
 
-@pytest.mark.parametrize("name", BESIDE)
-def test_a_housing_that_is_off_is_told_once_and_the_test_goes_on_without(name):
+@pytest.mark.parametrize(
+    ("name", "channel"),
+    [*((name, "housing_degC") for name in BESIDE), ("opens", "end_winding_degC")],
+)
+def test_a_body_that_is_off_is_told_once_and_the_test_goes_on_without(name, channel):
     id, struck = BESIDE[name]
-    record = changed(SLOW, housing_degC=struck(SLOW.time_s, LIVE))
+    record = changed(SLOW, **{channel: struck(SLOW.time_s, LIVE)})
     (finding,) = [one for one in check_record(record, MOTOR) if one.severity != "note"]
     assert finding.id == id
-    assert "housing_degC" in finding.where
-    assert 'housing_degC = "none" under [columns]' in finding.remedy
-    assert not [one for one in check_record(changed(SLOW, housing_degC=LIVE), MOTOR)
+    assert channel in finding.where
+    assert f'{channel} = "none" under [columns]' in finding.remedy
+    assert not [one for one in check_record(changed(SLOW, **{channel: LIVE}), MOTOR)
                 if one.severity != "note"]  # fmt: skip
 
 

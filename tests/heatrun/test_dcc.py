@@ -18,7 +18,7 @@ from heatrun.record.motor import Certificate, Instrument, Motor
 from heatrun.reports.dcc import dcc_text
 from heatrun.reports.dcc_schema import validate
 from heatrun.results import FitResult, from_json
-from heatrun.runs.motor_text import motor_text
+from heatrun.runs.write import motor_text
 from lptn.effects import EFFECTS
 
 META = """

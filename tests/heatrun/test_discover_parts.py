@@ -27,8 +27,7 @@ from heatrun.model.noise import from_scores
 from heatrun.model.problem import Problem
 from heatrun.record.motor import Adequacy
 from heatrun.record.reduction import reduce
-from heatrun.reports.discovery import parameter_row
-from heatrun.reports.discovery_figures import missing
+from heatrun.reports.discovery import missing, parameter_row
 from heatrun.results.discovery import ParameterBeforeAfter, ValueWithInterval
 from lptn import EFFECTS, second_order
 

@@ -25,8 +25,8 @@ from heatrun.export.c_file import LAWS, CSource, in_comment, links_of
 from heatrun.export.missed import Missed, of_losses
 from heatrun.export.network_course import read_network
 from heatrun.export.parameters import entries
-from heatrun.export.played import faults, with_outputs, without_false_alarms
 from heatrun.export.rerun import of_no_test, read_run_test
+from heatrun.export.sources import faults, with_outputs, without_false_alarms
 from heatrun.export.variables import Corrections
 from heatrun.model.catalogue import effects_named
 from heatrun.model.model import Model
@@ -449,7 +449,7 @@ def test_without_a_compiler_the_vectors_hold_the_courses_and_a_note(
     assert text == courses
     assert "no C compiler built it here" in notes[0]
     monkeypatch.undo()
-    monkeypatch.setattr("heatrun.export.played.LONGEST_BUILD_S", 0.0)  # one that never ends
+    monkeypatch.setattr("heatrun.export.sources.LONGEST_BUILD_S", 0.0)  # one that never ends
     assert with_outputs(texts) == (courses, notes)
 
 

@@ -20,7 +20,7 @@ from heatrun.export import (
     simulate_variables,
     thesis_variables,
 )
-from heatrun.export.contents import _is_same
+from heatrun.export.mat import _is_same
 from heatrun.export.network_file import corrected_network, known_laws
 from heatrun.export.variables import Shaft
 from heatrun.model.catalogue import all_effects

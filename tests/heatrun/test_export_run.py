@@ -425,7 +425,7 @@ def test_the_script_is_not_there_without_the_variables(day, monkeypatch):
         write_whole(path, content)
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("heatrun.export.contents.write_whole", cut)
+    monkeypatch.setattr("heatrun.export.mat.write_whole", cut)
     with pytest.raises(InputError, match="No space left"):
         export_mat(Path("run"), folder=Path("out"))
     assert not list(Path("out").iterdir())

@@ -14,11 +14,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from heatrun import calibration
+from heatrun import calibration, jobs
 from heatrun.attempts import FAILED, OUTPUT_FAILED, Attempts
 from heatrun.calibration import Settings, load_tests
 from heatrun.errors import InputError, UsageError
-from heatrun.jobs import calibrate as jobs
 from heatrun.model.network_text import networks_of
 from heatrun.motor.file import load_motor
 from heatrun.posterior.posterior import normal_draws

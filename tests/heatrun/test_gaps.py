@@ -20,8 +20,8 @@ from heatrun.readers.joined import parts_of, read_test, read_tests, read_whole_t
 from heatrun.record.motor import PartsOfTest
 from heatrun.record.reduction import reduce
 from heatrun.record.stretch import Stretch, cut, mask, split_stretch
-from heatrun.runs.motor_text import motor_text
 from heatrun.runs.run import open_run
+from heatrun.runs.write import motor_text
 
 FROM_S, TO_S = 1500.0, 2220.0
 NEVER_OFF = heat_run(currents=(120.0,) * 5, minutes=60.0, step_s=1.0)

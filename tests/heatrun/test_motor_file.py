@@ -24,7 +24,7 @@ from heatrun.motor import keys as motor_page
 from heatrun.motor.file import RANGES, UNITS, load_motor, parse_motor
 from heatrun.motor.keys import BODY_PARTS, PARAMETER_MEANINGS, SECTIONS
 from heatrun.record.motor import Adequacy, Motor, ParameterOverride
-from heatrun.runs.motor_text import motor_text
+from heatrun.runs.write import motor_text
 from lptn import EFFECTS
 
 FULL = """

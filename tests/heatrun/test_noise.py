@@ -22,7 +22,7 @@ from heatrun.model.problem import Problem, residuals
 from heatrun.posterior.posterior import weighted_draws
 from heatrun.record.motor import Adequacy
 from heatrun.runs import netcdf as archive
-from heatrun.runs.densities import densities
+from heatrun.runs.netcdf import densities
 from lptn import second_order
 
 

@@ -20,7 +20,7 @@ from heatrun.io.own_files import refuse_own_file
 from heatrun.motor.file import load_motor
 from heatrun.readers.read import read_record
 from heatrun_fleet.entries import ALIASES
-from heatrun_reports.tests_in import tests_in as bench_tests_in
+from heatrun_reports.job import tests_in as bench_tests_in
 from heatrun_view.store import Folder
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"

@@ -22,9 +22,8 @@ from heatrun.readers.read import read_record
 from heatrun.record.motor import Motor
 from heatrun.record.record import Record, Source
 from heatrun_reports import Reference, build_report, read_reference
-from heatrun_reports.prototypes.confront import confront
-from heatrun_reports.prototypes.prototype import Prototype, parse_roles, read_prototypes
-from heatrun_reports.prototypes.report import prototypes_report
+from heatrun_reports.prototypes import Prototype, confront, parse_roles, read_prototypes
+from heatrun_reports.prototypes_report import prototypes_report
 
 PROTOTYPES = Path(__file__).parents[2] / "data" / "synthetic" / "prototypes"
 BENCH = PROTOTYPES / "Test_2024_03_05_001.csv.gz"

@@ -946,7 +946,7 @@ def test_another_map_is_not_replaced_without_being_asked(two_speeds, tmp_path, c
 
 
 def test_a_wrong_rating_is_wrong_use(tmp_path, capsys):
-    from heatrun.bundled import bundled
+    from heatrun.commands.demo import bundled
 
     data = bundled("synthetic")
     words = ["calibrate", str(data / "motor.toml"), str(data / "step_30min.csv.gz"), "--rating",

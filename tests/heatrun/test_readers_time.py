@@ -13,12 +13,11 @@ from openpyxl import Workbook
 from heatrun.checks import check_record
 from heatrun.errors import InputError
 from heatrun.readers.clock import parse_time_format, read_clock, stated_format
-from heatrun.readers.dates import read_dates
-from heatrun.readers.header_date import header_day
+from heatrun.readers.dates import header_day, read_dates
 from heatrun.readers.read import read_record
 from heatrun.readers.text.reader import read_text
 from heatrun.record.motor import Motor
-from heatrun.record.timegrid import counted_from, exact_grid, from_first_sample
+from heatrun.record.raster import counted_from, exact_grid, from_first_sample
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from heatrun.calibration import load_tests, with_scales_of
 from heatrun.record.motor import Motor, Scales
 from heatrun.record.record import Record
 from heatrun.record.reduction import reduce, with_scales
-from heatrun.runs.motor_text import motor_text
+from heatrun.runs.write import motor_text
 from heatrun.simulation import simulate_values
 
 VALUES = {"Ceq_w": 300.0, "Ceq_sr": 3300.0, "Req_w": 0.1, "Req_sr": 0.085,

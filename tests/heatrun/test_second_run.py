@@ -11,13 +11,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from heatrun import cli
+from heatrun import cli, jobs
 from heatrun.calibration import Settings
 from heatrun.commands.console import PROGRESS
 from heatrun.errors import InputError
 from heatrun.io.caches import PROGRAM, PROGRAMS_FOLDER
 from heatrun.io.whole_files import folder_name, free_name, numbered
-from heatrun.jobs import calibrate as jobs
 from heatrun.motor.file import load_motor
 from heatrun.posterior.posterior import NUM_KEPT, keep
 from heatrun.record.motor import Certificate, Motor

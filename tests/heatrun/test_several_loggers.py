@@ -10,7 +10,7 @@ import pytest
 from drafted import BEARING, CURRENT, HOUSING, LOSSES, ROOM, TIME_S, WINDING, named, text_of
 
 from heatrun import cli
-from heatrun.checks.mend import mended
+from heatrun.checks import mended
 from heatrun.errors import InputError
 from heatrun.fit.fit import fit
 from heatrun.fit.restricted import estimate_loggers
@@ -24,7 +24,7 @@ from heatrun.posterior.predict import predict
 from heatrun.readers.joined import read_test
 from heatrun.record.motor import Motor
 from heatrun.record.reduction import reduce
-from heatrun.runs.motor_text import motor_text
+from heatrun.runs.write import motor_text
 
 BASE = {"time_s": TIME_S, "losses_W": LOSSES, "phase_current_A": CURRENT, "ambient_degC": ROOM}
 HEAD = '[motor]\nname = "M"\n'

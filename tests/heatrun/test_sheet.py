@@ -29,7 +29,7 @@ from heatrun.reports.figures import certificate_figure
 from heatrun.reports.of_run import rewrite_sheet, write_sheet
 from heatrun.reports.pdf import FLATTEST
 from heatrun.results import to_json
-from heatrun.results.budget import combined
+from heatrun.results.values import combined
 from heatrun.runs.run import certificate_of, open_run
 from heatrun.runs.run_folder import RunFolder
 from heatrun.runs.write import write_run

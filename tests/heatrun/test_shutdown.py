@@ -16,11 +16,10 @@ from heatrun import cli
 from heatrun.errors import InputError
 from heatrun.motor.file import load_motor, parse_motor
 from heatrun.shutdown.cooling import Cooling, UsualModes, _lagged
-from heatrun.shutdown.graphical import allowed_delay_s, by_hand
 from heatrun.shutdown.of_run import _modal, modes_of_run
 from heatrun.shutdown.printed import drawn
 from heatrun.shutdown.readings import Readings, read_readings
-from heatrun.shutdown.result import _reduced, winding_at_shutdown
+from heatrun.shutdown.result import _reduced, allowed_delay_s, by_hand, winding_at_shutdown
 
 COLD, COLD_degC, B, AIR = 0.482, 21.0, 234.5, 23.0
 MOTOR = f"""[motor]

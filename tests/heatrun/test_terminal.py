@@ -13,10 +13,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from heatrun import cli
+from heatrun import cli, jobs
 from heatrun.commands import all_commands, calibrate
 from heatrun.commands.console import EVERY_S, PROGRESS, bar, say
-from heatrun.jobs import calibrate as jobs
 from heatrun.record.record import Finding
 from heatrun.reports.terminal import discovery_text, findings_text, result_text
 from heatrun.results import DiscoveryResult, FitResult, from_json

@@ -37,7 +37,7 @@ from heatrun.results.model import MaybeMissing
 from heatrun.runs.verdict import USES
 from heatrun_reports import job, make_report
 from heatrun_reports.document import document_content
-from heatrun_reports.figures.plot import SYMBOLS
+from heatrun_reports.plot import SYMBOLS
 from lptn.effects import EFFECTS
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"

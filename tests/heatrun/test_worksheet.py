@@ -25,7 +25,7 @@ from heatrun.reports.xlsx import FIRST_ROW, add_worksheet
 from heatrun.reports.xlsx_cells import AS_TEXT, Cells
 from heatrun.results import FitResult, from_json
 from heatrun.simulation import simulate_values
-from heatrun_reports.prototypes.prototype import parse_roles
+from heatrun_reports.prototypes import parse_roles
 
 ROOT = Path(__file__).parents[2]
 THESIS = ROOT / "data" / "thesis"

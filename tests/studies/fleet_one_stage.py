@@ -41,10 +41,9 @@ from heatrun.fit.fit import fit
 from heatrun.fit.fit_result import Fit
 from heatrun.model.noise import from_scores
 from heatrun.model.problem import log_likelihood
-from heatrun_fleet.batches import batches_of, digests_of, numerics
-from heatrun_fleet.fleet_file import load_fleet
+from heatrun_fleet.fleet_file import batches_of, digests_of, load_fleet, numerics
 from heatrun_fleet.machine import Prepared, prepare
-from heatrun_fleet.population.design import designed
+from heatrun_fleet.population.gathered import designed
 from heatrun_fleet.population.law import (
     OUTLIER_SCALE,
     OUTLIER_SD,

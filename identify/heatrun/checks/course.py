@@ -14,7 +14,6 @@ import numpy as np
 from ..io.quantities import rounded
 from ..record.motor import Motor
 from ..record.record import Finding, Record, Severity
-from ..record.rounding import rounding_step
 from ..record.samples import (
     EQUILIBRIUM_K,
     START_S,
@@ -22,6 +21,7 @@ from ..record.samples import (
     is_loaded,
     lead_in,
     place,
+    rounding_step,
     samples,
     sink_channel,
     with_all_heat,

@@ -16,8 +16,15 @@ import numpy as np
 from ..record.channels import BODIES
 from ..record.motor import Motor
 from ..record.record import Finding, Record
-from ..record.rounding import rounding_step
-from ..record.samples import is_loaded, place, runs, samples, with_all_heat
+from ..record.samples import (
+    channel_of,
+    is_loaded,
+    place,
+    rounding_step,
+    runs,
+    samples,
+    with_all_heat,
+)
 from ..record.stretch import windows, within
 from .advice import Remedy, mask_line
 from .quick_fit import QuickFit, course_of, fit_of, quick_fit
@@ -297,7 +304,7 @@ def saturation(record: Record, motor: Motor, looked: Looked) -> Iterator[Finding
     if hidden_above_top(record, motor) > 0.0:
         top = winding.max()
         found.append(_flat(record, "winding_degC", "highest", top, time_s[winding == top]))
-    of_winding = [one for one in found if "winding_degC" in one.where]
+    of_winding = [one for one in found if channel_of(one) == "winding_degC"]
     is_stuck = bool(of_winding) and _sticks(record, looked.stretches)
     yield from (one for one in found if not (is_stuck and one in of_winding))
 

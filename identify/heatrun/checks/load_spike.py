@@ -17,7 +17,7 @@ from ..io.quantities import rounded
 from ..record.channels import CHANNEL
 from ..record.motor import Motor
 from ..record.record import Finding, Record
-from ..record.samples import is_measured, place, runs, samples
+from ..record.samples import channel_of, is_measured, place, runs, samples
 from ..record.stretch import bridge, windows, within
 from ..record.units import find_unit
 from .advice import Remedy, widened
@@ -113,7 +113,7 @@ def load_spike(record: Record, motor: Motor) -> Iterator[Finding]:
 
 def spike_windows(record: Record, finding: Finding) -> list[tuple[float, float]]:
     """Return the windows [s] of a finding of `load_spike`."""
-    name = finding.where.split(", ")[-2]
+    name = channel_of(finding)
     time_s, values = samples(record, name)
     return windows(time_s, _beyond(values, min(BEYOND, finding.values["times_the_next"] or 0.0))[0])
 

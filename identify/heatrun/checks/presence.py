@@ -9,7 +9,7 @@ import numpy as np
 from ..record.channels import BODIES
 from ..record.derive import ELECTRICAL
 from ..record.motor import Motor
-from ..record.own_rates import between_samples
+from ..record.raster import between_samples
 from ..record.record import Finding, Record, Severity
 from ..record.samples import (
     BLOCK_S,

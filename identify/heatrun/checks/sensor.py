@@ -9,8 +9,16 @@ import numpy as np
 from ..record.channels import BODIES
 from ..record.motor import Motor
 from ..record.record import Finding, Record
-from ..record.rounding import rounding_step
-from ..record.samples import is_loaded, place, runs, samples, sink_channel, with_all_heat
+from ..record.samples import (
+    channel_of,
+    is_loaded,
+    place,
+    rounding_step,
+    runs,
+    samples,
+    sink_channel,
+    with_all_heat,
+)
 from ..record.stretch import windows
 from .advice import Part, Remedy, mask_line, use_line
 from .frozen import Looked
@@ -89,16 +97,18 @@ def temperature_jump(record: Record, motor: Motor, looked: Looked) -> Iterator[F
     Of any machine, as `jumps_at_once`; of this one, by how it moved. What is a fall to the sink
     belongs to `sensor_detached`.
     """
-    found, moved = tuple(jumps_at_once(record, motor)), looked.moved
-    of_winding = [one for one in found if "winding_degC" in one.where]
+    at_once = {channel_of(one): one for one in jumps_at_once(record, motor)}
+    moved, of_winding = looked.moved, at_once.get("winding_degC")
     if moved is None or is_fall(record, motor, moved):
-        yield from found
+        yield from at_once.values()
         return
     # a shift while the winding warms fast looks like a spike: how it moved says that it stays
-    stays = not moved.is_back and all(_is_spike_at(one, moved) for one in of_winding)
-    yield from (one for one in found if one not in of_winding or not stays)
-    if of_winding and not stays:
-        return
+    if of_winding is not None:
+        if moved.is_back or not _is_spike_at(of_winding, moved):
+            yield from at_once.values()
+            return
+        del at_once["winding_degC"]
+    yield from at_once.values()
     change = moved.to_degC - moved.from_degC
     advice = (
         _left_out(record, "winding_degC", (moved.from_s, moved.until_s))

@@ -172,7 +172,7 @@ def time_duplicate(record: Record, motor: Motor) -> Iterator[Finding]:
 def time_gap(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report holes in the time axis: a warning, and an error if they hide what the winding did.
 
-    Of one that is bridged (`heatrun.readers.gaps`) its own finding speaks.
+    Of one that is bridged (`heatrun.readers.joined`) its own finding speaks.
     """
     time_s = samples(record)[0]
     steps = np.diff(time_s)

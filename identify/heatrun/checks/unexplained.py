@@ -20,8 +20,14 @@ import numpy as np
 
 from ..record.motor import Motor
 from ..record.record import Record
-from ..record.rounding import rounding_step
-from ..record.samples import is_loaded, median_step, samples, sink_channel, with_all_heat
+from ..record.samples import (
+    is_loaded,
+    median_step,
+    rounding_step,
+    samples,
+    sink_channel,
+    with_all_heat,
+)
 from .quick_fit import first_order
 
 MAX_CELLS, MAX_ROWS = 20_000, 3_000

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -12,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 from . import words
 from .console import DONE, NOT_ALLOWED, bar, printable, say
 from .init import motor_of_tests
-from .loading import load
 
 if TYPE_CHECKING:
+    from ..calibration import BenchTest
     from ..model.network_form import NetworkForm
     from ..record.motor import Motor
     from ..results import FitResult
@@ -94,7 +95,7 @@ def calibrate_into_folder(
         compared: How the networks compare, in sentences that follow the result.
     """
     from ..calibration import Settings
-    from ..jobs.calibrate import Place, calibrate_into
+    from ..jobs import Place, calibrate_into
     from ..model.catalogue import known_effects
     from ..model.network_text import BUILT_IN
     from ..reports.terminal import result_text
@@ -140,3 +141,28 @@ def _spared(total_s: float, sampling_s: float) -> str:
         f"{total_s - sampling_s:.0f} s (reading, fits, missing effects, predictions, figures) the "
         "full run takes as well"
     )
+
+
+def load(
+    motor: Motor, calibration: Sequence[Path], holdout: Sequence[Path], *, as_json: bool
+) -> tuple[BenchTest, ...] | None:
+    """Return the tests, or None after the findings that forbid them were printed."""
+    count = len(calibration) + len(holdout)
+    from ..calibration import Refused, load_tests
+    from ..checks.suitability import other_tests
+    from ..reports.terminal import findings_text
+    from ..results import to_json
+
+    try:
+        with bar() as progress:
+            progress(f"reading {count} test{'s' if count > 1 else ''}", 0.0)
+            tests = load_tests(motor, calibration, holdout)
+    except Refused as refusal:
+        if as_json:
+            print(to_json({"findings": refusal.findings}))
+        print(findings_text(refusal.findings), file=sys.stderr)
+        print("heatrun: the data do not allow a calibration.", file=sys.stderr)
+        return None
+    for finding in other_tests(motor, [test.record.name for test in tests]):
+        say(f"{finding.severity}: {finding.sentence()}")
+    return tests

@@ -11,7 +11,7 @@ from . import words
 from .console import DONE, NOT_ALLOWED, printable, say
 
 if TYPE_CHECKING:
-    from ..init.unread import UnreadTest
+    from ..init.survey import UnreadTest
     from ..record.record import Finding, Record
 
 
@@ -35,8 +35,8 @@ def run(options: argparse.Namespace) -> int:
     from ..checks import check_record
     from ..checks.suitability import other_tests, suitability
     from ..errors import InputError
-    from ..init.unread import unread_test
-    from ..model.model_check import check_model, check_second_order
+    from ..init.survey import unread_test
+    from ..model.model_parameters import check_model, check_second_order
     from ..motor.file import load_motor
     from ..readers.joined import read_tests
     from ..readers.mapping import ReadColumns, describe_columns, mapping_text

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import UsageError
 from . import words
-from .calibrate import calibrate_into_folder
+from .calibrate import calibrate_into_folder, load
 from .console import DONE, NOT_ALLOWED, bar, printable
-from .loading import load
 
 if TYPE_CHECKING:
     from ..results import FitResult

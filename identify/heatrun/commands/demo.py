@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from ..errors import InputError
 from . import words
 from .calibrate import calibrate_into_folder
 
@@ -23,7 +24,6 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Calibrate both orders on a duty and predict a load step."""
-    from ..bundled import bundled
     from ..model.network_text import networks_of
     from ..motor.file import load_motor
 
@@ -35,4 +35,23 @@ def run(options: argparse.Namespace) -> int:
         [folder / "step_90min.csv.gz"],
         networks_of("both"),
         Path("results") / "runs" / "demo",
+    )
+
+
+def bundled(name: str) -> Path:
+    """Return the folder of a bundled data set.
+
+    Args:
+        name: Such as `"synthetic"`.
+
+    Raises:
+        InputError: If this installation has none.
+    """
+    here = Path(__file__).resolve()
+    for folder in (here.parents[1] / "data" / name, here.parents[3] / "data" / name):
+        if folder.is_dir():
+            return folder
+    raise InputError(
+        f"the bundled data set {name!r} is not part of this installation.",
+        remedy="Install heatrun from its wheel or run it in a checkout.",
     )

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from . import words
+from .calibrate import load
 from .console import DONE, NOT_ALLOWED, bar, printable, say
-from .loading import load
 
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
@@ -46,8 +46,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 def run(options: argparse.Namespace) -> int:
     """Search, write the run folder and print the verdict."""
     from ..calibration import Settings
-    from ..jobs.calibrate import Place
-    from ..jobs.discover import discover_into
+    from ..jobs import Place, discover_into
     from ..model.catalogue import all_effects, known_effects
     from ..model.network_text import network_named
     from ..motor.file import load_motor

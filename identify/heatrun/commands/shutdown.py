@@ -60,7 +60,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 def run(options: argparse.Namespace) -> int:
     """Print the temperature with its interval; write the files if asked."""
     from ..results import to_json
-    from ..shutdown.job import winding_at_switch_off
+    from ..shutdown import winding_at_switch_off
     from ..shutdown.printed import text
     from ..shutdown.result import as_content
     from ..shutdown.sheet import write_results
@@ -101,7 +101,7 @@ def _certificate(result: ShutdownResult, options: argparse.Namespace) -> bytes:
     from ..motor.certificate import load_meta
     from ..motor.file import load_motor
     from ..reports.dcc_schema import validate
-    from ..shutdown.dcc import dcc_text
+    from ..shutdown.sheet import dcc_text
 
     stated = load_motor(options.motor).certificate
     if options.meta is not None:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from .contents import mat_bytes
-from .course import Course, simulate_variables
 from .drive import export_drive
-from .mat import export_mat, export_test
-from .mujoco import export_mujoco
-from .network_course import NetworkCourse, simulate_network
+from .mat import export_mat, export_test, mat_bytes
+from .network_course import Course, NetworkCourse, simulate_network, simulate_variables
 from .network_file import network_variables
 from .ratings import export_ratings
 from .rerun import RunAndTest, read_new_test, read_run_test
+from .simpler import export_mujoco
 from .sources import export_source
 from .variables import Corrections, thesis_variables
 

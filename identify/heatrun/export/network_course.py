@@ -1,4 +1,7 @@
-"""What `lptn` makes of `network.mat`: the course that the script must meet."""
+"""What `lptn` makes of `prova.mat` and of `network.mat`: the courses that other programs must meet.
+
+Between the samples of a file it takes short steps.
+"""
 
 from __future__ import annotations
 
@@ -11,16 +14,148 @@ import jax.numpy as jnp
 import numpy as np
 import scipy.io
 
-from lptn import EFFECTS, CopperLosses, Inputs, Network, Sensor, SpeedLoss, longest_step, simulate
+from lptn import (
+    EFFECTS,
+    CopperLosses,
+    Inputs,
+    Network,
+    Sensor,
+    SpeedLoss,
+    first_order,
+    longest_step,
+    second_order,
+    simulate,
+)
 from lptn.effects import AbstractEffect, HeatEffect, NodeEffect
 from lptn.effects.bodies import WindingNode
 from lptn.effects.sensors import SensorLag, TimeShift
 
-from .grid import Grid, Held
 from .network_file import RPM, SIGNALS
 
-SHARE_OF_LONGEST = 0.005
-"""As in `heatrun.export.grid`, finer: laws of effects bend between two samples as well."""
+SHARE_OF_LONGEST = 0.02
+"""Steps stay below this share of the longest that the method takes, about a hundredth of the
+fastest time constant: means over a step then stand for straight lines to 1e-4 of a change."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Steps that split each interval between two samples evenly.
+
+    Attributes:
+        time: Time of the samples [s], shape (sample,).
+        step: Length of the steps [s], shape (step,).
+        first: Number of the edge at which each sample lies, shape (sample,).
+        middle: Middle of the steps [s], shape (step,).
+    """
+
+    time: np.ndarray
+    step: np.ndarray
+    first: np.ndarray
+    middle: np.ndarray
+
+    @classmethod
+    def of(cls, time: np.ndarray, longest: float) -> Grid:
+        """Return the grid of a record.
+
+        Args:
+            time: Time of the samples [s], shape (sample,).
+            longest: No step is longer than this [s].
+        """
+        interval = np.diff(time)
+        parts = np.ceil(interval / longest).astype(int)
+        step = np.repeat(interval / parts, parts)
+        first = np.concatenate([[0], np.cumsum(parts)])
+        inside = np.arange(step.size) - np.repeat(first[:-1], parts)
+        middle = np.repeat(time[:-1], parts) + (inside + 0.5) * step
+        return cls(time, step, first, middle)
+
+    def mean(self, values: np.ndarray) -> jnp.ndarray:
+        """Return the mean over each step of straight lines from sample to sample, (step,)."""
+        return jnp.asarray(np.interp(self.middle, self.time, values.ravel()))
+
+
+@dataclass(frozen=True)
+class Held:
+    """Steps over which the inputs are held, each split evenly.
+
+    Attributes:
+        step: Length of the parts [s], shape (part,).
+        parts: Number of parts of a step.
+    """
+
+    step: np.ndarray
+    parts: int
+
+    def mean(self, values: np.ndarray) -> jnp.ndarray:
+        """Return values of the steps, shape (step,), at the parts, shape (part,)."""
+        return jnp.asarray(np.repeat(values, self.parts))
+
+
+@dataclass(frozen=True)
+class Course:
+    """Temperatures at the samples of a record.
+
+    Attributes:
+        time: Time of the samples [s], shape (time,).
+        winding: Winding [degC], shape (time,).
+        stator: Stator [degC], shape (time,); None in the first order.
+    """
+
+    time: np.ndarray
+    winding: np.ndarray
+    stator: np.ndarray | None
+
+    def rmse(self, measured: np.ndarray) -> float:
+        """Return the RMSE of the winding to readings [K]; NaN marks a sample without one.
+
+        Args:
+            measured: Readings [degC], shape (time,) or (time, 1).
+        """
+        error = (self.winding - measured.ravel())[np.isfinite(measured.ravel())]
+        return float(np.sqrt(np.mean(error**2)))
+
+
+def simulate_variables(variables: Mapping[str, np.ndarray]) -> Course:
+    """Simulate the variables of `prova.mat` at the samples of the record.
+
+    The squared current, the losses and the sink run straight from sample to sample; an interval
+    that is long for the network is split.
+
+    Args:
+        variables: As `thesis_variables`; without `Ceqsr` it is the first order.
+
+    Valid for: `Pd` the measured total of the losses.
+    """
+    p = {name: float(value[0, 0]) for name, value in variables.items() if value.size == 1}
+    is_second = "Ceqsr" in p
+    if is_second:
+        network = second_order(p["Ceqw"], p["Ceqsr"], p["Reqw"], p["Reqsr"])
+        start = {"winding": p["Two"], "stator": p["Tso"]}
+    else:
+        network = first_order(p["Ceqw"], p["Reqw"])
+        start = {"winding": p["Two"]}
+    losses = CopperLosses(
+        # the copper loss only enters the second order; its file always has Rrif
+        Rs0=jnp.asarray(p.get("Rrif", 0.0)),
+        reference_temperature=p["Trif"],
+        coefficient=p["B"],
+        phases=1,  # Rrif is the resistance of all phases
+    )
+    time = variables["t"].ravel()
+    grid = Grid.of(time, SHARE_OF_LONGEST * float(longest_step(network)))
+    inputs = Inputs(
+        step=jnp.asarray(grid.step),
+        current_squared=grid.mean(variables["Is"] ** 2),
+        losses=grid.mean(variables["Pd"]),
+        ambient=grid.mean(variables["Te"]),
+    )
+    trace = simulate(network, losses, inputs, start)
+    at_samples = {node: np.asarray(T)[grid.first] for node, T in trace.temperature.items()}
+    return Course(time, at_samples["winding"], at_samples.get("stator"))
+
+
+SHARE_OF_NETWORK = 0.005
+"""Likewise for the script, finer: laws of effects bend between two samples as well."""
 
 SENSOR_STEP_S = 0.02
 LINES_PER_SAMPLE = 40
@@ -103,7 +238,7 @@ def simulate_held(
     """
     network, start = _network(found)
     effects = [_effect(each) for each in np.atleast_1d(found["effects"])]
-    longest = SHARE_OF_LONGEST * float(longest_step(_extended(network, effects)))
+    longest = SHARE_OF_NETWORK * float(longest_step(_extended(network, effects)))
     parts = int(np.ceil(step / longest))
     grid = Held(np.full(parts * held["Is"].size, step / parts), parts)
     fixed = {name: value for name, value in found.items() if name not in SIGNALS}
@@ -216,7 +351,7 @@ def _extended(network: Network, effects: Sequence[AbstractEffect]) -> Network:
 
 
 def _longest(network: Network, effects: Sequence[AbstractEffect], time: np.ndarray) -> float:
-    longest = SHARE_OF_LONGEST * float(longest_step(_extended(network, effects)))
+    longest = SHARE_OF_NETWORK * float(longest_step(_extended(network, effects)))
     if any(isinstance(effect, SensorLag | TimeShift) for effect in effects):
         sample = float(np.median(np.diff(time)))
         return min(longest, max(sample / LINES_PER_SAMPLE, SENSOR_STEP_S))

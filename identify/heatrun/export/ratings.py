@@ -21,7 +21,7 @@ from ..results.values import known
 from ..runs.rating_map import SHORT, Endured, Permitted, RatingMap, rating_map
 from ..runs.run import certificate_of, open_run
 from ..version import __version__
-from .contents import write_export
+from .mat import write_export
 
 COLUMNS = ("speed_rpm", "other_losses_W")
 """Columns of a file of speeds; the last may be left out, or be empty where the tests tell it."""

@@ -19,8 +19,7 @@ from ..record.channels import CHANNEL, REQUIRED
 from ..record.record import ColumnReading
 from ..version import __version__
 from .free_columns import FreeColumn, flat
-from .gaps import LONGEST_LINE, Gap, gaps
-from .stated_resistance import found_resistance, stated_resistance
+from .gaps import LONGEST_LINE, Gap, found_resistance, gaps, stated_resistance
 from .survey import Survey
 
 NONE = "none"

@@ -19,9 +19,12 @@ from ..record.by_resistance import quotient
 from ..record.channels import CHANNEL
 from ..record.derive import shaft_power
 from ..record.record import ColumnReading
-from .free_columns import Evidence, FreeColumn, Proposal, in_its_unit
-from .relations import (
+from .free_columns import (
     LEAST_RISE_K,
+    Evidence,
+    FreeColumn,
+    Proposal,
+    in_its_unit,
     is_same,
     is_square_of,
     jumps,

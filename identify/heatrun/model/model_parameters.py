@@ -1,4 +1,7 @@
-"""The free parameters of a model over tests, with their priors."""
+"""The free parameters of a model over tests, with their priors.
+
+Whether records have what a network and its known effects need is told before anything is fitted.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,8 @@ from ..errors import InputError
 from ..record.blocks import Blocks
 from ..record.channels import BODIES, body_name
 from ..record.motor import Motor
+from ..record.record import Finding, Record
+from ..record.reduction import reduce
 from .bodies import (
     BODY_PARTS,
     CURRENT_GAIN,
@@ -22,9 +27,10 @@ from .bodies import (
     shaft_errors,
     timing_error,
 )
+from .catalogue import known_effects, refuse_lacking
 from .model import Model, change_name
 from .network_form import NetworkForm
-from .network_text import BUILT_IN, network_named
+from .network_text import BUILT_IN, network_named, networks_of
 from .parameters import (
     CATALOGUE,
     Parameter,
@@ -40,6 +46,7 @@ from .scale import one_node
 
 if TYPE_CHECKING:
     from lptn.effects import AbstractEffect
+
 
 COLD_START_K = 2.0
 """Start within this of the sink [K] and at rest: stator and winding count as one temperature."""
@@ -211,4 +218,63 @@ def _start_prior(model: Model, node: str, test: Blocks) -> tuple[float, float, s
         test.start_degC - 0.35 * rise,
         max(5.0, 0.2 * abs(rise)),
         f"warm start, {node} not measured: between sink and winding, nearer the winding",
+    )
+
+
+def check_model(
+    networks: str | None, effects: str, motor: Motor, records: Sequence[Record]
+) -> tuple[Finding, ...]:
+    """Return what forbids to calibrate networks with known effects on records.
+
+    Args:
+        networks: As after `--model`; None to look at the channels of the effects alone.
+        effects: Ids of known effects beside those of the motor file, with commas between.
+        motor: The machine.
+        records: Records without errors of their own.
+
+    Returns:
+        For each record the first reason, as an error; empty if there is none.
+
+    Raises:
+        InputError: If there is no such network or effect, or its file is wrong.
+    """
+    known = known_effects(motor, effects)
+    if networks is None and not known:
+        return ()
+    models = [Model.of(form, motor, known) for form in networks_of(networks)] if networks else []
+    findings = []
+    for record in records:
+        test = reduce(record, motor)
+        try:
+            refuse_lacking(known, [test])
+            for model in models:
+                parameters(model, motor, [test])
+        except InputError as error:
+            findings.append(_refusal(error, record))
+    return tuple(findings)
+
+
+def check_second_order(effects: str, motor: Motor, records: Sequence[Record]) -> dict[str, Finding]:
+    """Return what the second order lacks, by the name of the record.
+
+    Args:
+        effects: As `check_model`.
+        motor: The machine; where its file is for another network alone, nothing is lacking.
+        records: Records without errors of their own.
+    """
+    try:
+        found = check_model("second", effects, motor, records)
+    except InputError:
+        return {}
+    return {finding.test: finding for finding in found}
+
+
+def _refusal(error: InputError, record: Record) -> Finding:
+    return Finding(
+        id="model_refused",
+        severity="error",
+        message=f"This test cannot be used with the network and its effects: {error.problem}",
+        where=error.where,
+        remedy=error.remedy,
+        test=record.name,
     )

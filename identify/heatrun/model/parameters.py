@@ -25,7 +25,7 @@ from ..record.motor import Motor, ParameterOverride
 if TYPE_CHECKING:
     from lptn.effects import AbstractEffect, Quantity
 
-    from .priors import Priors
+    from .problem import Priors
 
 Transform = Literal["log", "linear"]
 Role = Literal["network", "resistance", "start", "instrument", "change", "effect", "known",
@@ -145,7 +145,7 @@ class ParameterSet:
 
     def priors(self) -> Priors:
         """Return the numbers: centres, standard deviations, and fixed values."""
-        from .priors import Priors
+        from .problem import Priors
 
         return Priors.of(self)
 

@@ -18,7 +18,6 @@ from ..record.channels import CHANNEL
 from ..record.raster import means_around
 from ..record.record import Finding, Record
 from ..record.samples import is_measured, median_step, place, samples
-from .axes import RMS_QUANTITY
 from .clock_offset import (
     Heats,
     OffsetProfile,
@@ -29,6 +28,7 @@ from .clock_offset import (
     prepare_response,
     stamp_sd_s,
 )
+from .multirate import RMS_QUANTITY
 
 
 def joined_channels(

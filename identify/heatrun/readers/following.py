@@ -22,10 +22,9 @@ from ..io.whole_files import Opener, opening_by
 from ..record.motor import Motor
 from ..record.record import Record
 from ..record.table import Table
-from .hints import hints_of
 from .joined import read_whole_test
 from .read import is_text_table, name_of_test, read_raw, read_record, read_whole
-from .text.reader import head_of, with_missing_rows
+from .text.reader import head_of, hints_of, with_missing_rows
 
 SAME_CLOCK_S = 1e-3
 """Rounding of a 32-bit clock after hours [s]; a larger difference is another clock."""

@@ -20,7 +20,7 @@ from ..errors import InputError
 from ..io.open_file import LARGEST_NUMBERS
 from ..record.record import Finding
 from ..record.table import Table
-from .foreign import reading
+from .foreign import BrokenFileError, reading
 from .mat5 import DEEPEST, Text, Value, read_variables
 from .stored import Stored, as_stated, wanted
 
@@ -378,3 +378,36 @@ def _left_out(found: Sequence[Leaf], length: int, where: str) -> tuple[Finding, 
             values={"count": len(names), "length": length},
         ),
     )
+
+
+CLASSIC = "a classic netCDF file"
+
+
+def read_netcdf3(data: bytes, where: str) -> Table:
+    """Read a classic netCDF file.
+
+    Returns:
+        As `heatrun.readers.mat.read_hdf5`.
+
+    Raises:
+        InputError: If the file is damaged or holds no numeric vector.
+    """
+    from scipy.io import netcdf_file
+
+    with reading(CLASSIC, where):
+        file: Any = netcdf_file(io.BytesIO(data), "r", mmap=False, maskandscale=False)
+        size = sum(math.prod(item.shape) for item in file.variables.values())
+        if size > LARGEST_NUMBERS:
+            raise BrokenFileError(f"{size} numbers, more than the {LARGEST_NUMBERS} that are read")
+        variables = {name: _numbers_of(item) for name, item in file.variables.items()}
+    return table_of(variables, "netCDF 3", where)
+
+
+def _numbers_of(item: Any) -> Stored | str:
+    """Return the numbers of a variable, or what it is instead."""
+    raw = np.asarray(item.data)
+    if raw.dtype.kind not in "fiu":
+        return "text"
+    raw = raw.astype(raw.dtype.newbyteorder("="))
+    attributes = vars(item)["_attributes"]
+    return as_stated(raw, {name: attributes[name] for name in wanted(list(attributes))})

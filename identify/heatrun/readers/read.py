@@ -20,17 +20,15 @@ from ..io.open_file import digest_of, open_input, read_stream, unzip
 from ..record.channels import Columns, constant_notes, positive_rate, resistance_conflict
 from ..record.derive import derive
 from ..record.motor import Motor
-from ..record.own_rates import at_own_rates
+from ..record.raster import at_own_rates, counted_from, exact_grid, from_first_sample
 from ..record.record import Finding, Record, Source
 from ..record.table import BLF, Table, no_signals, preamble_of, told_apart
-from ..record.timegrid import counted_from, exact_grid, from_first_sample
 from .channel_map import ITS_WORDS, ONLY_CLOCK, MappedColumns, map_columns
-from .header_date import CLOCK_OF_DAY as CLOCK
-from .header_date import HEADER, HeaderDay, day_of, header_day, second_of_day
-from .hints import NO_HINTS, Hints, hints_of
+from .dates import CLOCK_OF_DAY as CLOCK
+from .dates import HEADER, HeaderDay, day_of, header_day, second_of_day
 from .measurement import Measurement
 from .multirate import read_all, read_measurement
-from .text.reader import missing_rows, with_missing_rows
+from .text.reader import NO_HINTS, Hints, hints_of, missing_rows, with_missing_rows
 
 MDF = (b"MDF     ", b"UnFinMF ")
 TDMS = (b"TDSm",)
@@ -255,7 +253,7 @@ def _reader(data: bytes, where: str, hints: Hints) -> Callable[[bytes, str], Tab
 
         return read_mat
     if data.startswith(NETCDF3):
-        from .netcdf3 import read_netcdf3
+        from .mat import read_netcdf3
 
         return read_netcdf3
     if data.startswith(b"PAR1"):

@@ -23,8 +23,7 @@ from ..record.record import Finding
 from ..record.table import Column, Table
 from .channel_map import map_columns
 from .foreign import BrokenFileError, library, reading
-from .hints import NO_HINTS, Hints
-from .text.reader import read_text
+from .text.reader import NO_HINTS, Hints, read_text
 from .text.remarks import units_of_row
 
 WHAT = "an Excel workbook"

@@ -1,16 +1,27 @@
-"""Channels of different rates on one time axis: means around each instant of a raster.
+"""Time axes: freed from rounding, and channels of different rates brought to one.
 
+Channels of different rates on one time axis are means around each instant of a raster.
 A sample of a record is an instant; whoever reads the record joins the samples by straight lines.
 A faster channel is therefore brought to a slower raster by the mean over the interval *centred*
 on each instant. The sample nearest to the left would shift the channel by half a step and pick
 one value of many; a mean over the interval that follows would shift it too.
+
+Exports of MDF, of data bases and of ROS write tables on all time stamps of channels of different
+rates, whose cells in between are empty. Each channel then has a rate of its own, as in a
+measurement file: what drives the model is interpolated linearly, readings stay as they are.
+
+A time axis counts from the first sample, and is freed from the rounding of 32-bit loggers.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ..errors import InputError
+from .channels import BODIES
+from .record import Finding
 from .samples import integral
 
 LONGEST_GAP = 10.0
@@ -127,3 +138,183 @@ def _piece(time_s: np.ndarray, knots: np.ndarray) -> np.ndarray:
 
 def _lone(at_s: np.ndarray) -> np.ndarray:
     return np.full(at_s.size, np.nan)
+
+
+READINGS = ("winding_degC", *BODIES)
+"""Channels that a fit compares: their samples are never multiplied."""
+
+LEAST_SAMPLES = 3
+"""Fewer have no rate."""
+
+
+def own_step(values: np.ndarray) -> int:
+    """Return how many rows usually lie from a sample to the next; 1 for a channel of every row.
+
+    Where every second cell or more is empty, that is the rate of the channel; a sensor that fails
+    for a while leaves its samples next to each other.
+
+    Args:
+        values: NaN where the cell is empty, shape (time,).
+    """
+    rows = np.flatnonzero(np.isfinite(values))
+    return int(np.median(np.diff(rows))) if rows.size >= LEAST_SAMPLES else 1
+
+
+def between_samples(values: np.ndarray) -> np.ndarray:
+    """Return which empty cells lie between two samples of the channel's own rate, shape (time,).
+
+    Args:
+        values: NaN where the cell is empty, shape (time,).
+    """
+    rows = np.flatnonzero(np.isfinite(values))
+    near = np.zeros(values.size, dtype=bool)
+    step = own_step(values)
+    if step == 1:
+        return near
+    index = np.arange(values.size)
+    after = np.searchsorted(rows, index)
+    first = np.where(after > 0, rows[np.maximum(after - 1, 0)], -1)
+    last = np.where(after < rows.size, rows[np.minimum(after, rows.size - 1)], values.size)
+    return ~np.isfinite(values) & (last - first < 1.5 * step + 1)
+
+
+def at_own_rates(
+    channels: Mapping[str, np.ndarray], where: str
+) -> tuple[dict[str, np.ndarray], tuple[Finding, ...]]:
+    """Return channels without empty cells where their own rate left these, and a note for each.
+
+    Rows that hold samples of slower inputs alone are dropped once these are interpolated.
+
+    Args:
+        channels: Canonical name to values, with `time_s`, NaN where empty, shape (time,).
+        where: The file, for messages.
+    """
+    channels = _merged(channels)
+    time_s = channels["time_s"]
+    held = {name: np.isfinite(values) for name, values in channels.items() if name != "time_s"}
+    slow = {name for name in held if own_step(channels[name]) > 1}
+    if not slow or not (np.diff(time_s[np.isfinite(time_s)]) > 0.0).all():
+        return dict(channels), ()
+    nothing = np.zeros(time_s.size, dtype=bool)
+    read = np.logical_or.reduce([nothing, *(held[name] for name in held if name in READINGS)])
+    dense = np.logical_or.reduce([nothing, *(held[name] for name in held if name not in slow)])
+    filled, findings = dict(channels), []
+    for name in held.keys() - set(READINGS):
+        empty = np.isfinite(time_s) if name in slow else read & ~dense
+        empty &= ~held[name]
+        known = held[name] & np.isfinite(time_s)
+        if not empty.any() or known.sum() < LEAST_SAMPLES:
+            continue
+        step_s = float(np.median(np.diff(time_s[known])))
+        at, values = time_s[known], channels[name][known]
+        after = np.clip(np.searchsorted(at, time_s[empty]), 1, at.size - 1)
+        is_near = (at[after] - at[after - 1] <= LONGEST_GAP * step_s) & (
+            np.abs(time_s[empty] - np.clip(time_s[empty], at[0], at[-1])) <= step_s
+        )
+        filled[name] = channels[name].copy()
+        filled[name][empty] = np.where(is_near, np.interp(time_s[empty], at, values), np.nan)
+        if name in slow:
+            findings.append(_joined(name, step_s, int(empty.sum()), time_s.size, where))
+    kept = read | dense if dense.any() else ~nothing
+    return {name: values[kept] for name, values in filled.items()}, tuple(findings)
+
+
+def _merged(channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return channels with one row for each time stamp, where no two rows of it fill one cell."""
+    steps = np.diff(channels["time_s"])
+    starts = np.concatenate(([0], np.flatnonzero(steps != 0.0) + 1))
+    if starts.size > steps.size or not (steps >= 0.0).all():
+        return dict(channels)
+    held = [np.isfinite(values) for name, values in channels.items() if name != "time_s"]
+    if any((np.add.reduceat(one.astype(int), starts) > 1).any() for one in held):
+        return dict(channels)
+    return {name: np.fmax.reduceat(values, starts) for name, values in channels.items()}
+
+
+def _joined(name: str, step_s: float, count: int, size: int, where: str) -> Finding:
+    return Finding(
+        id="raster_joined",
+        severity="note",
+        message=f"{count} of {size} cells are empty, since the channel comes every {step_s:g} s "
+        "alone: values in between are interpolated linearly.",
+        where=f"{where}, {name}",
+        remedy="Nothing need be done.",
+        values={"step_s": step_s},
+    )
+
+
+FLOAT32_ULPS = 2.0
+"""Clock and start time are each rounded by half an ulp; their difference carries both, and so
+does a step that was itself computed from rounded times."""
+
+CLOCK_RESOLUTION_S = 1e-6
+"""A deviation that no thermal record can tell from none [s]: 1 microsecond."""
+
+MOST_DECIMALS = 6
+LONGEST_TEST_S = 1e9
+"""A time beyond 30 years [s] is no time of a test, and 32 bits could not hold its steps."""
+
+LARGEST_SHARE_OF_STEP = 0.05
+"""Rounding beyond this share of a step could hide true jitter: then the times stay as they are."""
+
+
+def from_first_sample(time_s: np.ndarray) -> tuple[np.ndarray, float, str]:
+    """Return times counted from the first finite one [s], that one [s], and a note on lost ones.
+
+    A time that is infinite, or so far off that the difference is, counts as missing.
+
+    Args:
+        time_s: Times [s], shape (time,); not all NaN.
+    """
+    start = float(time_s[np.flatnonzero(np.isfinite(time_s))[0]])
+    with np.errstate(over="ignore"):
+        moved = time_s - start
+    absurd = np.isinf(moved)
+    note = f"{int(absurd.sum())} times are too large for a number and count as missing."
+    return np.where(absurd, np.nan, moved), start, note if absurd.any() else ""
+
+
+def counted_from(origin_s: float) -> str:
+    """Return the note on times that count from a first sample at `origin_s` in the file."""
+    return f"time_s counts from the first sample, at {origin_s:.9g} s in the file."
+
+
+def exact_grid(time_s: np.ndarray) -> tuple[np.ndarray, str]:
+    """Return the regular grid that times were rounded from, and a note if they move.
+
+    Loggers that keep time as a 32-bit number write 0.100000143 and 0.200000048 for a step of
+    0.1 s. The step is taken as the shortest decimal that explains every sample to the rounding
+    of such a number; samples that are missing on the grid or come twice stay so.
+
+    Args:
+        time_s: Times from the first sample [s], shape (time,).
+
+    Returns:
+        The times unchanged and an empty note where they are exact already, where no step
+        explains all of them or where the rounding is no small part of the step.
+    """
+    largest = float(np.max(np.abs(time_s), initial=0.0))
+    if time_s.size < 3 or not largest < LONGEST_TEST_S:  # also where a time is missing
+        return time_s, ""
+    ulp = float(np.spacing(np.float32(largest)))
+    tolerance = max(FLOAT32_ULPS * ulp, CLOCK_RESOLUTION_S)
+    steps = np.diff(time_s)
+    if tolerance > LARGEST_SHARE_OF_STEP * np.median(steps):
+        return time_s, ""
+    # Steps are counted one by one: a median step off by 1e-3 would miscount thousands of them.
+    index = np.concatenate(([0.0], np.cumsum(np.round(steps / np.median(steps)))))
+    if index[-1] <= 0:
+        return time_s, ""
+    step = time_s[-1] / index[-1]
+    for decimals in range(MOST_DECIMALS + 1):
+        candidate = round(float(step), decimals)
+        grid = np.round(index * candidate, decimals)
+        deviation = float(np.max(np.abs(time_s - grid)))
+        if candidate > 0 and deviation <= tolerance:
+            if deviation <= 1e-12 * largest:  # the rounding of a double: exact already
+                return time_s, ""
+            return grid, (
+                f"time_s lies on a grid of {candidate:g} s to {deviation:.2g} s, the rounding of "
+                "a 32-bit clock; the exact grid is used."
+            )
+    return time_s, ""

@@ -16,8 +16,7 @@ from .channels import BODIES
 from .derive import recorded_shaft_power
 from .motor import Motor, Scales
 from .record import Record
-from .rounding import rounding_step
-from .samples import BLOCK_S, integral, needed_channels
+from .samples import BLOCK_S, integral, needed_channels, rounding_step
 
 STEP_S = 2.0
 """Length of a step [s]: on a winding of 90 s a jump of load inside a step then costs a few

@@ -11,7 +11,6 @@ from ..io.quantities import clean, quantity, rounded
 from ..io.texts import Texts
 from ..record.motor import EQUILIBRIA, Certificate
 from ..results import FitResult
-from ..results.budget import BudgetRow
 from ..results.model import (
     AT_REST,
     LOADED,
@@ -20,7 +19,7 @@ from ..results.model import (
     FittedModel,
     FittedParameter,
 )
-from ..results.values import Interval, known, number
+from ..results.values import BudgetRow, Interval, known, number
 from ..runs.verdict import favoured, headline
 from .printed import COVERAGE_FACTOR, format_value, num_stated, printed, test_days, uncertain
 

@@ -13,9 +13,8 @@ from ..readers.mapping import KNOWN_BY, assumption, grouped
 from ..record.motor import Certificate
 from ..record.record import Finding
 from ..results import FitResult
-from ..results.budget import combined
 from ..results.model import AT_REST, LOADED, DerivedFigure, DescribedTest, FittedModel
-from ..results.values import Interval, known
+from ..results.values import Interval, combined, known
 from ..runs.verdict import concerns, favoured
 from .certificate import (
     ON_PAGE_1,

@@ -14,9 +14,8 @@ from ..errors import InputError
 from ..io.quantities import clean, printed_unit, quantity, rounded
 from ..record.motor import Certificate
 from ..results import FitResult
-from ..results.budget import BudgetRow, combined
 from ..results.model import DescribedTest, FittedParameter
-from ..results.values import Interval
+from ..results.values import BudgetRow, Interval, combined
 from ..runs.verdict import favoured, headline
 from ..version import __version__
 from .certificate import ENGLISH, ParameterLine, judged, parameter_lines

@@ -340,7 +340,7 @@ def certificate_figure(
 
     Args:
         name: The test.
-        table: Its courses (`heatrun.runs.courses.band_table`).
+        table: Its courses (`heatrun.runs.write.band_table`).
         network: Whose prediction is drawn, and its title.
         limits: Of the insulation, in words, and their temperatures [degC], at most two, the one
             that decides first.

@@ -15,9 +15,8 @@ from matplotlib.figure import Figure
 
 from ..attempts import OUTPUT_FAILED, Attempts, new_findings
 from ..errors import InputError
-from ..io.file_set import together
 from ..io.texts import LANGUAGES, Texts
-from ..io.whole_files import is_other, refuse_replacing, writable, write_whole
+from ..io.whole_files import is_other, refuse_replacing, together, writable, write_whole
 from ..motor.certificate import load_meta
 from ..record.motor import LIMIT_DEGC, Certificate, Instrument
 from ..results import FitResult, to_json

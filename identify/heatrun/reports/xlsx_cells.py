@@ -11,9 +11,8 @@ import numpy as np
 from ..io.quantities import printed_unit
 from ..io.texts import Texts
 from ..results import FitResult
-from ..results.budget import BudgetRow, combined
 from ..results.model import DerivedFigure, FittedParameter
-from ..results.values import known, number
+from ..results.values import BudgetRow, combined, known, number
 from ..runs.verdict import favoured
 from .certificate import ENGLISH, ON_PAGE_1, parameter_lines
 from .printed import format_value, interval_ends, places_of, printed

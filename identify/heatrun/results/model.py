@@ -9,8 +9,7 @@ from msgspec import UNSET, Meta, UnsetType
 
 from ..io.quantities import quantity, rounded
 from ..record.record import ColumnReading, Finding
-from .budget import BudgetRow
-from .values import Count, Interval, NonNegative, Probability, Role, known, number
+from .values import BudgetRow, Count, Interval, NonNegative, Probability, Role, known, number
 
 LOADED, AT_REST = "_loaded", "_at_rest"
 """What the name of a resistance ends with at the load of the tests, and at standstill."""

@@ -1,6 +1,6 @@
 r"""The uncertainty budget of a calibration: what stands behind a figure of its draws.
 
-The rule is that of `heatrun.results.budget`, around the fit, whose covariance of the scores is its
+The rule is that of `heatrun.results.values`, around the fit, whose covariance of the scores is its
 $S$. The slope $g$ of a figure by the scores is that of its draws, by least squares. The readings
 scatter by the noise of the sensors, by heat that the network misses and by load steps whose moment
 nothing tells: with $W W^T$ the inverse of their covariance, the part of columns $H$ in it is
@@ -19,7 +19,7 @@ from ..fit.fit_result import Fit
 from ..fit.restricted import whiten_fit
 from ..model.parameters import Slot
 from ..posterior.posterior import Posterior
-from ..results.budget import BudgetRow, Part, budget
+from ..results.values import BudgetRow, Part, budget
 
 Budget = Callable[..., tuple[BudgetRow, ...]]
 """Gives the budget of a figure from its draws, shape (draw,), and from further parts."""

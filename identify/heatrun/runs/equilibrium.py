@@ -15,8 +15,7 @@ from ..checks.quick_fit import Solved, closer, solved_decays, weighed
 from ..readers.clock_offset import correlation
 from ..record.motor import EQUILIBRIA, Criterion, Motor
 from ..record.record import Record
-from ..record.rounding import rounding_step
-from ..record.samples import block_means, has, runs, samples, sink_channel
+from ..record.samples import block_means, has, rounding_step, runs, samples, sink_channel
 
 BLOCK_S = 60.0
 """Means that are compared [s]: a duty that repeats within a minute counts as a constant load."""

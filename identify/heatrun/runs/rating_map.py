@@ -30,14 +30,12 @@ from .duties import (
     Limit,
     Rated,
     continuous,
-    duty_current,
     limits_of,
 )
 from .machine import RAD_PER_S, SAME_LOAD, Machine, Tested, extrapolated, machines
-from .ratings_figures import rates
+from .ratings_figures import rates, rating
 from .run import Run
-from .stated_duty import Stated, parse_rating
-from .until_limit import until_limit
+from .stated_duty import Stated
 
 SHORT = ("S2-60", "S2-30", "S2-10")
 """Time-limited duties, from cold: those of a map where none are asked for."""
@@ -156,25 +154,21 @@ def rating_map(
         beyond = "" if _is_near(rpm, tested) else f"tested at {_span(tested)}"
         run_A = seen.current_A if given is not None else float(np.interp(rpm, tested, amperes))
         there = replace(seen, loaded=moved, current_A=run_A)
+        currents = dict[str, DerivedFigure]()
         machine, by_S1 = _at_speed(base, draw_values, there, limit, rated_A)
-        slow_s = float(np.median(machine.times[:, -1]))
-        currents = {"S1": by_S1}
-        for text in duties:
-            if text == "S1":
-                continue
-            asked_for = parse_rating(text, slow_s, rated_A, [base.model.form.nodes])
-            if isinstance(asked_for, Stated):
-                endured += [
-                    Endured(speed_rpm=rpm, name=name, found=extrapolated(entry, beyond))
-                    for name, entry in until_limit(machine, asked_for).items()
-                ]
-            else:
-                currents[asked_for.name] = duty_current(machine, asked_for)
+        for text in ("S1", *duties):
+            asked_for, found = rating(machine, text, by_S1, rated_A, [base.model.form.nodes])
+            for figure_name, entry in found.items():
+                entry = extrapolated(entry, beyond)
+                if isinstance(asked_for, Stated):
+                    endured.append(Endured(speed_rpm=rpm, name=figure_name, found=entry))
+                else:
+                    currents[asked_for.name] = entry
         rows += [
             Permitted(
                 speed_rpm=rpm, duty=duty, other_losses_W=wanted,
                 other_losses_from=_from(rpm, given, tested),
-                current=extrapolated(entry, beyond),
+                current=entry,
             )
             for duty, entry in currents.items()
         ]  # fmt: skip

@@ -27,7 +27,6 @@ from ..record.blocks import Blocks
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.samples import is_loaded, samples, with_all_heat
-from ..results.budget import Part
 from ..results.model import (
     FIT_FORMAT,
     BodyRow,
@@ -47,7 +46,7 @@ from ..results.model import (
     TestedLoad,
     WindingAtEnd,
 )
-from ..results.values import Interval, Role, known
+from ..results.values import Interval, Part, Role, known
 from ..version import __version__
 from .budget import UNDECIDED, Budget, budget_of
 from .equilibrium import SteadyRise, Stretch, equilibria

@@ -23,12 +23,12 @@ from typing import Any
 
 from ..errors import InputError
 from ..io.caches import FolderLock
-from ..io.file_set import is_aside
 from ..io.open_file import digest
 from ..io.whole_files import (
     PARTIAL,
     drop_partials,
     folder_name,
+    is_aside,
     numbered,
     refuse_replacing,
     undisturbed,

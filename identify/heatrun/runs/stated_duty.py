@@ -39,7 +39,7 @@ class Phase(NamedTuple):
     other_W: float | None = None
 
 
-AT_REST = {"current": 0.0, "rpm": 0.0, "other_W": 0.0}
+STANDING = {"current": 0.0, "rpm": 0.0, "other_W": 0.0}
 
 
 @dataclass(frozen=True)
@@ -79,9 +79,9 @@ class Stated(NamedTuple):
 
 TYPES = {
     "S2": ("S2-MINUTES or S2:PHASES from cold, such as S2-30 or S2:5x2,1x600", True, 0, 0, None),
-    "S3": ("S3-PERCENT, such as S3-40", True, 0, 0, AT_REST),
-    "S4": ("S4-PERCENT:START, such as S4-40:5x2", True, 1, 0, AT_REST),
-    "S5": ("S5-PERCENT:START,BRAKING, such as S5-40:5x2,3x1", True, 2, 1, AT_REST),
+    "S3": ("S3-PERCENT, such as S3-40", True, 0, 0, STANDING),
+    "S4": ("S4-PERCENT:START, such as S4-40:5x2", True, 1, 0, STANDING),
+    "S5": ("S5-PERCENT:START,BRAKING, such as S5-40:5x2,3x1", True, 2, 1, STANDING),
     "S6": ("S6-PERCENT, such as S6-40", True, 0, 0, {"current": 0.0}),
     "S7": ("S7:START,BRAKING, such as S7:5x2,3x1", False, 2, 1, None),
     "S8": ("S8:PHASE,PHASE, such as S8:1x300@3000,0.7x300@1500", False, 2, 0, None),
@@ -192,9 +192,8 @@ def parse_rating(
         load, _, said = name.partition(":")
         # a load that is held is a phase of any length
         parts, start, name = [f"{load}x1"], _start(said), f"{load}_{said or 'cold'}"
-        if isinstance(start, Mapping) and nodes and set(start) not in map(set, nodes):
-            each, got = ", or ".join(map(" and ".join, nodes)), " and ".join(start)
-            raise UsageError(f"rating {text!r}: expected start temperatures of {each}, got {got}.")
+        if nodes and (why := other_nodes(start, nodes)):
+            raise UsageError(f"rating {text!r}: {why}.")
     phases = []
     for found in map(PHASE.fullmatch, parts):
         if found is None or (start is None and sought == "time"):
@@ -208,6 +207,16 @@ def parse_rating(
     if not any(phase.current for phase in phases):
         raise UsageError(f"rating {text!r}: expected a load, got none. Such as {STATED}.")
     return Stated(name, tuple(phases), start)
+
+
+def other_nodes(
+    start: str | float | Mapping[str, float] | None, nodes: Sequence[Collection[str]]
+) -> str:
+    """Return why a start fits none of the networks of these nodes; empty where it fits one."""
+    if not isinstance(start, Mapping) or set(start) in map(set, nodes):
+        return ""
+    each, got = ", or ".join(map(" and ".join, nodes)), " and ".join(start)
+    return f"expected start temperatures of {each}, got {got}"
 
 
 def _start(said: str) -> str | float | Mapping[str, float] | None:
@@ -224,7 +233,7 @@ def _phase(found: re.Match[str], unit: float) -> Phase:
     """Return a phase with its load in a unit; one without load and speed is at rest."""
     seconds, load, rpm = float(found["seconds"]), unit * float(found["load"]), found["rpm"]
     if not load and not float(rpm or 0.0):
-        return Phase(seconds, **AT_REST)
+        return Phase(seconds, **STANDING)
     return Phase(seconds, load, None if rpm is None else float(rpm))
 
 

@@ -1,4 +1,4 @@
-"""The winding at switch-off on paper and as a workbook."""
+"""The winding at switch-off on paper, as a workbook, and as a Digital Calibration Certificate."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ import tempfile
 from importlib import resources
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import xlsxwriter
 
-from ..io.quantities import clean
+from ..errors import InputError
+from ..io.quantities import clean, quantity
 from ..io.whole_files import (
     NO_DATE,
     is_other,
@@ -20,8 +22,23 @@ from ..io.whole_files import (
     writable,
     write_whole,
 )
+from ..record.motor import Certificate
+from ..reports.dcc import (
+    add,
+    add_budget,
+    add_method,
+    add_named,
+    add_result,
+    add_statements,
+    add_text,
+    add_uncertain,
+    as_bytes,
+    begun,
+)
 from ..reports.pdf import typeset
-from ..reports.xlsx_cells import AS_TEXT, Cells, add_budget, write
+from ..reports.printed import TestDays
+from ..reports.xlsx_cells import AS_TEXT, Cells, write
+from ..reports.xlsx_cells import add_budget as add_budget_rows
 from ..results import to_json
 from ..version import __version__
 from .printed import answer_lines, budget_cells, budget_sum, figure, hand_cells, table
@@ -67,9 +84,9 @@ def xlsx(result: ShutdownResult) -> bytes:
     with xlsxwriter.Workbook(stream, AS_TEXT) as book:
         book.set_properties({"created": stated_moment() or NO_DATE})
         cells = Cells(book)
-        _answer(book, cells, result)
+        _answer_cells(book, cells, result)
         sheet = book.add_worksheet("Budget")
-        add_budget(sheet, cells, 0, result.budget, result.standard_uncertainty_K, "K")
+        add_budget_rows(sheet, cells, 0, result.budget, result.standard_uncertainty_K, "K")
         _readings(book, cells, result)
     return stream.getvalue()
 
@@ -111,7 +128,7 @@ def write_results(
     return [folder / name for name in contents]
 
 
-def _answer(book: Any, cells: Cells, result: ShutdownResult) -> None:
+def _answer_cells(book: Any, cells: Cells, result: ShutdownResult) -> None:
     sheet = book.add_worksheet("Switch-off")
     said = content(result)
     for row, line in enumerate((said["title"], said["answer"], *said["lines"])):
@@ -171,3 +188,63 @@ def _readings(book: Any, cells: Cells, result: ShutdownResult) -> None:
     chart.set_legend({"position": "bottom"})
     chart.set_size({"width": 760, "height": 420})
     sheet.insert_chart("G2", chart)
+
+
+METHOD = "Extrapolation of readings after switch-off to the instant of switch-off"
+
+HOW = (
+    "The winding cools by several exponentials whose time constants have wide physical priors or "
+    "those of a calibrated run; the errors of the instruments and the moment of switch-off are "
+    "sampled with them. The standard uncertainty is that of the draws, the budget of first order."
+)
+
+
+def dcc_text(result: ShutdownResult, certificate: Certificate) -> bytes:
+    """Return the certificate of a temperature at switch-off.
+
+    Args:
+        result: The result.
+        certificate: What the laboratory states; its days are those of the readings.
+
+    Raises:
+        InputError: If the temperature is not determinable, or something is not stated that such a
+            certificate must say.
+    """
+    if not result.is_determinable:
+        raise InputError(
+            f"no certificate of a temperature that is not determinable: {result.reason}",
+            remedy="Leave --dcc out.",
+        )
+    begin = certificate.test_from or certificate.test_until
+    root, about = begun(
+        certificate, TestDays(begin, certificate.test_until or begin), result.motor
+    )  # fmt: skip
+    use = f"Determinable: {budget_sum(result)}. {' '.join(map(clean, result.notes))}"
+    add_statements(add(about, "statements"), use.strip(), certificate)
+    measured = add(add(root, "measurementResults"), "measurementResult")
+    add_text(measured, "name", "Temperature of the winding at switch-off")
+    references = ("JCGM 100:2008", "JCGM 101:2008")
+    add_method(measured, METHOD, HOW, references, __version__, certificate)
+    found = add(measured, "results")
+    _answer(found, result)
+    add_budget(found, "the temperature", result.budget, "K", label="u_combined")
+    held = add(add(measured, "measurementMetaData"), "metaData")
+    add_text(held, "name", f"Readings {clean(result.readings)}")
+    add_text(held, "declaration", f"SHA-256: {result.sha256}.")
+    return as_bytes(root)
+
+
+def _answer(parent: Element, result: ShutdownResult) -> None:
+    data = add_result(parent, "Winding at switch-off")
+    sd = result.standard_uncertainty_K
+    winding = add_named(data, "temperature of the winding at switch-off")
+    add_uncertain(winding, result.winding_degC, sd, result.winding_95_degC, "degC", label="winding")
+    for name, value, (low, high), label in (
+        (f"rise over the sink of {result.sink_degC:.1f} °C", result.rise_K, result.rise_95_K,
+         "rise"),
+        *((f"left to {one.name} {quantity(f'{one.value:g}', one.unit)}", one.margin_K,
+           one.margin_95_K, "") for one in result.limits),
+    ):  # fmt: skip
+        # their draws are not kept: of a normal distribution the interval is 3.92 of it
+        spread = (high - low) / 3.92
+        add_uncertain(add_named(data, name), value, spread, (low, high), "K", label=label)

@@ -1,22 +1,30 @@
-"""Least squares of many machines side by side: Levenberg-Marquardt on whitened residuals.
+"""Least squares of many machines side by side, from one start and from many.
 
-Each lane has its own step and its own end; a lane that has ended stands still until the last one
-has, or the steps are used up.
+Levenberg-Marquardt on whitened residuals. Each lane has its own step and its own end; a lane that
+has ended stands still until the last one has, or the steps are used up.
+
+Each of many starts is a batch of the machines' searches for a few steps. By then most of a
+machine's searches have come together; of those that have, one goes on. All that with few, long
+steps of the march; what is left at the end is searched again with the steps as they are.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from dataclasses import replace
+from typing import Any, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from heatrun.fit.fit import HOPELESS, MAX_STEPS
 from heatrun.io.programs import compiled
 from heatrun.model.noise import Noise
 from heatrun.model.problem import WORST_RESIDUAL, Structure
 
-from .march import Machines
+from .march import Group, Machines
 from .residuals import (
     Means,
     filtered,
@@ -232,3 +240,280 @@ def linearise(
 ) -> list[Means]:
     """As `linearised`, compiled."""
     return linearised(structure, machines, z)
+
+
+INPUTS = ("current_squared", "losses", "ambient", "second_sink", "shaft_power", "speed")
+
+NUM_STEPS = 2
+"""Steps of a coarse block; three where its number of steps is odd."""
+
+
+@compiled()
+def coarse(machines: Machines) -> Machines:
+    """Return the machines with inputs that hold for several steps, as their mean."""
+    return replace(machines, groups=tuple(map(_of_group, machines.groups)))
+
+
+def _of_group(group: Group) -> Group:
+    num_blocks, steps, lanes = group.weight.shape
+    num = next((each for each in (NUM_STEPS, 3) if steps % each == 0), steps)
+    joined = steps // num
+
+    def parts(values: Array) -> Array:
+        return values.reshape(num_blocks, num, joined, lanes)
+
+    def mean(values: Float[Array, "block step lane"] | None) -> Array | None:
+        return None if values is None else jnp.mean(parts(values), axis=2)
+
+    weight = parts(group.weight)
+    total = jnp.sum(weight, axis=2)
+    place = (jnp.arange(joined)[:, None] + parts(group.position)) / joined
+    position = jnp.sum(weight * place, axis=2) / jnp.where(total > 0.0, total, math.inf)
+    return replace(
+        group,
+        step=group.step * joined,
+        weight=total,
+        position=position,
+        **{name: mean(getattr(group, name)) for name in INPUTS},
+    )
+
+
+Tree = TypeVar("Tree")
+
+
+@compiled()
+def picked(tree: Tree, places: Int[Array, " picked"]) -> Tree:
+    """Return arrays with some of the machines in their trailing axis."""
+    return jax.tree.map(lambda values: jnp.take(values, places, axis=-1), tree)
+
+
+@compiled()
+def picked_machines(machines: Machines, places: Int[Array, " picked"]) -> Machines:
+    """Return the numbers of some of the machines."""
+    num = machines.centre.shape[-1]
+    groups = tuple(
+        picked(group, _of_tests(places, len(group.tests), num)) for group in machines.groups
+    )
+    return Machines(picked(machines.centre, places), picked(machines.sd, places), groups)
+
+
+@compiled()
+def picked_heat(
+    machines: Machines, heat: tuple[Array, ...], places: Int[Array, " picked"]
+) -> tuple[Array, ...]:
+    """Return arrays of the groups of tests, such as the heat, of some of the machines."""
+    num = machines.centre.shape[-1]
+    return tuple(
+        picked(own, _of_tests(places, len(group.tests), num))
+        for own, group in zip(heat, machines.groups, strict=True)
+    )
+
+
+def _of_tests(places: Array, num_tests: int, num_machines: int) -> Array:
+    return jnp.concatenate([places + test * num_machines for test in range(num_tests)])
+
+
+@compiled()
+def kept(is_kept: Array, old: Tree, new: Tree) -> Tree:
+    """Return the old arrays in the machines where they are kept, the new ones in the others."""
+
+    def one(before: Array, after: Array) -> Array:
+        own = jnp.concatenate([is_kept] * (before.shape[-1] // is_kept.shape[0]))
+        return jnp.where(own, before, after)
+
+    return jax.tree.map(one, old, new)
+
+
+def on_host(tree: Any) -> Any:
+    """Return arrays as NumPy arrays."""
+    return jax.tree.map(np.asarray, tree)
+
+
+FIRST_STEPS, MORE_STEPS = 7, 5
+"""Steps of each start before those that have come together are told, for the first time and each
+time after."""
+
+TOGETHER = 0.1
+"""Searches nearer than this in all scores have come together [prior standard deviations]. The
+curvature of the prior alone brings them to one optimum from there."""
+
+COARSE_STEPS = 30
+"""Most steps of a search with the long steps of the march: it need not end there."""
+
+LOST_STEPS, LOST = 20, (4.0, 50.0)
+"""Steps from which on a search is lost whose cost is still above so many times the machine's best,
+and so much more [1, nat]: it has left the region in which the network answers to its parameters."""
+
+
+class Optima(NamedTuple):
+    """The optima of one machine.
+
+    Attributes:
+        z: Scores, the best first, shape (optimum, parameter).
+        cost: Half their sums of squares [nat].
+        has_ended: Whether each search has converged.
+        num_starts: Starts that came to each.
+        num_steps: Steps to the best.
+    """
+
+    z: Float[np.ndarray, "optimum parameter"]
+    cost: Float[np.ndarray, " optimum"]
+    has_ended: np.ndarray
+    num_starts: np.ndarray
+    num_steps: int
+
+
+def optima_from_starts(
+    structure: Structure,
+    machines: Machines,
+    starts: Float[np.ndarray, "start parameter"],
+    noise: Noise,
+    is_wanted: np.ndarray,
+) -> list[Optima | None]:
+    """Return the optima of each machine; None where no start leads to a finite fit.
+
+    Args:
+        structure: What is compiled.
+        machines: The numbers.
+        starts: Scores to search from.
+        noise: Noise of each machine.
+        is_wanted: Machines that are no padding.
+    """
+    width = machines.centre.shape[-1]
+    rough = coarse(machines)
+    states = []
+    none = jnp.zeros((starts.shape[1], width), dtype=bool)
+    for start in starts:
+        lanes = begun(jnp.asarray(np.repeat(start[:, None], width, axis=1)))
+        states.append(search(structure, rough, lanes, noise, (), jnp.asarray(FIRST_STEPS), none))
+    # trailing axes: machine, start
+    joined: Any = jax.tree.map(lambda *parts: np.stack([*map(np.asarray, parts)], -1), *states)
+    apart = [
+        _together(joined.z[:, lane].T, joined.normal.cost[lane]) if is_wanted[lane] else []
+        for lane in range(width)
+    ]
+    flat = [(lane, group) for lane, groups in enumerate(apart) for group in groups]
+    places = np.array([[lane, group[0]] for lane, group in flat]).reshape(-1, 2)
+    best = jax.tree.map(lambda values: values[..., places[:, 0], places[:, 1]], joined)
+    near, came_to = continued(structure, rough, best, places[:, 0], noise, (), COARSE_STEPS)
+    is_lost = _are_lost(near, _lowest(near.normal.cost, places[:, 0]))
+    kept = np.unique(came_to[~is_lost[came_to]])
+    exact = on_host(begun(jnp.asarray(near.z[:, kept])))
+    done, stands_for = continued(structure, machines, exact, places[kept, 0], noise, ())
+    num_starts = np.zeros(kept.size, dtype=int)
+    for (_, group), near_by in zip(flat, came_to, strict=True):
+        if not is_lost[near_by]:
+            num_starts[stands_for[np.searchsorted(kept, near_by)]] += len(group)
+    places = places[kept]
+    results: list[Optima | None] = []
+    for lane in range(width):
+        own = np.flatnonzero((places[:, 0] == lane) & (num_starts > 0))
+        own = own[np.isfinite(done.normal.cost[own]) & (done.normal.cost[own] < HOPELESS)]
+        if not own.size:
+            results.append(None)
+            continue
+        own = own[np.argsort(done.normal.cost[own])]
+        is_near = _is_near(done.normal.cost[own], done.normal.cost[own[0]])
+        own = own[done.has_ended[own] | is_near]
+        results.append(
+            Optima(
+                z=done.z[:, own].T,
+                cost=done.normal.cost[own],
+                has_ended=done.has_ended[own],
+                num_starts=num_starts[own],
+                num_steps=int(done.num_steps[own[0]]),
+            )
+        )
+    return results
+
+
+def _together(z: Float[np.ndarray, "start parameter"], cost: np.ndarray) -> list[list[int]]:
+    """Return groups of searches that have come together, the best of each first."""
+    groups: list[list[int]] = []
+    for index in np.argsort(cost, kind="stable"):
+        if not np.isfinite(cost[index]):
+            continue
+        for group in groups:
+            if np.max(np.abs(z[index] - z[group[0]])) < TOGETHER:
+                group.append(int(index))
+                break
+        else:
+            groups.append([int(index)])
+    return groups
+
+
+def continued(
+    structure: Structure,
+    machines: Machines,
+    state: Any,
+    lanes: np.ndarray,
+    noise: Noise,
+    heat: Heat,
+    most_steps: int = MAX_STEPS,
+) -> tuple[Any, Int[np.ndarray, " search"]]:
+    """Go on with searches to their end, as many at once as there are machines.
+
+    Args:
+        structure: What is compiled.
+        machines: The numbers.
+        state: A `Search`, with as many lanes as there are searches, on the host.
+        lanes: Machine of each.
+        noise: Noise of each machine.
+        heat: As `search.normal_equations`.
+        most_steps: Most steps of each, those that it has made included.
+
+    Returns:
+        The searches, and for each the one that has gone on for it since they came together.
+    """
+    width = machines.centre.shape[-1]
+    state = jax.tree.map(np.array, state)
+    stands_for = np.arange(lanes.size)
+    none = jnp.zeros((state.z.shape[0], width), dtype=bool)
+    most = int(np.max(state.num_steps, initial=0))
+    while (open_ones := _open(state, stands_for, lanes)).size and most < most_steps:
+        most = min(most_steps, most + MORE_STEPS)
+        for first in range(0, open_ones.size, width):
+            part = open_ones[first : first + width]
+            filled = np.concatenate([part, np.repeat(part[-1:], width - part.size)])
+            places = jnp.asarray(lanes[filled])
+            after = search(
+                structure,
+                picked_machines(machines, places),
+                jax.tree.map(lambda values, filled=filled: jnp.asarray(values[..., filled]), state),
+                picked(noise, places),
+                picked_heat(machines, heat, places) if heat else (),
+                jnp.asarray(most),
+                none,
+            )
+            for own, found in zip(
+                jax.tree.leaves(state), jax.tree.leaves(on_host(after)), strict=True
+            ):
+                own[..., part] = found[..., : part.size]
+        for lane in np.unique(lanes[open_ones]):
+            own = np.flatnonzero((lanes == lane) & (stands_for == np.arange(lanes.size)))
+            for group in _together(state.z[:, own].T, state.normal.cost[own]):
+                stands_for[np.isin(stands_for, own[group])] = own[group[0]]
+    return state, stands_for
+
+
+def _open(state: Any, stands_for: np.ndarray, lanes: np.ndarray) -> np.ndarray:
+    """Return the searches that go on: not at their end, not lost, and for themselves."""
+    lowest = _lowest(state.normal.cost, lanes)
+    is_lost = (state.num_steps >= LOST_STEPS) & _are_lost(state, lowest)
+    return np.flatnonzero(~state.has_ended & ~is_lost & (stands_for == np.arange(lanes.size)))
+
+
+def _lowest(cost: np.ndarray, lanes: np.ndarray) -> np.ndarray:
+    """Return for each search the lowest cost that one of its machine has."""
+    lowest = np.full(np.max(lanes, initial=-1) + 1, np.inf)
+    np.fmin.at(lowest, lanes, cost)
+    return lowest[lanes]
+
+
+def _is_near(cost: np.ndarray, lowest: np.ndarray) -> np.ndarray:
+    return cost <= LOST[0] * lowest + LOST[1]
+
+
+def _are_lost(state: Any, lowest: np.ndarray) -> np.ndarray:
+    """Return which searches stand far above the best of their machine, without an end there."""
+    return ~state.has_ended & ~_is_near(state.normal.cost, lowest)

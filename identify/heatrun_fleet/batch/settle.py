@@ -28,9 +28,8 @@ from .restricted import (
     restricted,
     search_noise,
 )
-from .search import Heat, Search, linearise, search
+from .search import Heat, Search, kept, linearise, search
 from .search import begun as search_begun
-from .starts import kept
 
 MOST_STEPS = 60
 """Steps of a search for parameters or noise that starts near its end, or from a fair guess."""

@@ -109,8 +109,8 @@ def run(options: argparse.Namespace) -> int:
 def _print(result: FleetResult, *, discovers: bool, as_json: bool) -> None:
     from heatrun.results import to_json
 
-    from ..shared_effects.claims import discovery_text
-    from ..summary import summary, summary_text
+    from ..job import summary, summary_text
+    from ..shared_effects.search import discovery_text
 
     found = summary(result)
     shared = result.discovery() if discovers else None

@@ -18,10 +18,8 @@ from heatrun.model.parameters import Parameter
 from heatrun.model.problem import NUM_NOISE
 from heatrun.runs.run import Run
 
-from ..arrow_schema import arrow
 from ..job import MACHINES, MANIFEST, FleetResult
-from ..parts import read_part
-from ..rows import FITTED, THERMAL
+from ..rows import FITTED, THERMAL, arrow, read_part
 from .gathered import FEWEST, Gathered, LeftOut, is_positive
 
 Row = Mapping[str, Any]

@@ -22,8 +22,7 @@ from ..results.population import (
     PopulationParameter,
     PopulationResult,
 )
-from .design import Covariate
-from .gathered import Gathered
+from .gathered import Covariate, Gathered
 from .law import Hyperprior
 from .sampling import Population, given_population, next_interval, next_machine, tolerance_limits
 

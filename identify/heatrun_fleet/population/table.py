@@ -11,8 +11,8 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-from ..arrow_schema import LIST, Column, arrow, arrow_schema
 from ..results.population import PopulationMachine, PopulationResult
+from ..rows import LIST, Column, arrow, arrow_schema
 
 FORMAT = "heatrun-population-rows/2"
 

@@ -16,8 +16,7 @@ from heatrun.results.discovery import ValueWithInterval
 from heatrun.runs.run_folder import refuse_unwritable
 
 from ..results.population import PopulationNoise, PopulationParameter, PopulationResult
-from .files import is_same, write_population
-from .job import pooled
+from .job import is_same, pooled, write_population
 from .of_fleet import FleetRows, gathered_of_fleet
 
 

@@ -17,7 +17,7 @@ from ..results.fleet_discovery import (
     SharedEffect,
     TypeDiscovery,
 )
-from .columns import COLUMNS, evidence_in
+from ..rows import OF_EFFECTS, evidence_in
 from .pooled import Evidence, pool
 from .search import FEWEST, Search, search
 
@@ -27,7 +27,7 @@ LEVEL = 0.05
 """Probability of finding anything in a fleet without effects, over all its types [1]."""
 
 NEEDED = ("machine", "type", "status", "is_converged", "parameters",
-          *(name for name, _, _, _ in COLUMNS))  # fmt: skip
+          *(name for name, _, _, _ in OF_EFFECTS))  # fmt: skip
 
 
 def discover_fleet(rows: Path, fleet: str, *, seed: int = 0) -> FleetDiscoveryResult:

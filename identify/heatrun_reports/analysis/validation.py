@@ -17,8 +17,7 @@ from heatrun.model.bodies import CURRENT_GAIN, INSTRUMENTS
 from heatrun.record.channels import CHANNEL, CHANNELS
 from heatrun.record.motor import Motor
 from heatrun.record.record import Finding, Record
-from heatrun.record.rounding import rounding_step
-from heatrun.record.samples import median_step, samples, sink_channel
+from heatrun.record.samples import median_step, rounding_step, samples, sink_channel
 
 from ..bench_test_types import NOT_OF_THE_MACHINE
 from ..simulated import Limits, Reference, bands_on_axis

@@ -14,7 +14,7 @@ import panel as pn
 
 from heatrun.errors import InputError
 from heatrun.record.motor import Motor
-from heatrun.shutdown.job import winding_at_switch_off
+from heatrun.shutdown import winding_at_switch_off
 from heatrun.shutdown.printed import figure
 from heatrun.shutdown.result import ShutdownResult
 from heatrun.shutdown.sheet import write_results
@@ -22,9 +22,8 @@ from heatrun.shutdown.sheet import write_results
 from ..background import Soon, in_background
 from ..look import text_pane
 from ..reading import Reader, problem
-from ..runs import Run
+from ..runs import Run, run_name, typed_number
 from ..words import error_message, message, shutdown_html
-from .run_view import run_name, typed_number
 
 HEADS = {"resistance [mΩ]": "R [mOhm]", "resistance [Ω]": "R [Ohm]",
          "sensor in the winding [°C]": "T [degC]"}  # fmt: skip

@@ -13,14 +13,12 @@ from heatrun.errors import InputError, of_file
 from heatrun.io.whole_files import free_name
 from heatrun_reports import TEST_TYPES
 
-from ..job_pane import JobPane
 from ..look import text_pane
 from ..running_jobs import Job, JobQueue
-from ..runs import Run, download
-from ..uploads import BoundedDropper, UploadRoom, keep_upload
+from ..runs import Run, download, run_name
+from ..store import BoundedDropper, UploadRoom, keep_upload
 from ..words import error_message, message, table
-from .fitting import Choices
-from .run_view import run_name
+from .fitting import Choices, JobPane
 
 SIMULATED, EXPORTED = "simulated", "exported"
 """Folders beside that of the runs."""

@@ -1,26 +1,27 @@
 """Reader of CSV and other text tables, whatever delimiter, decimal sign and encoding they have.
 
-Lines that hold no sample count where time is counted by lines.
+Lines that hold no sample count where time is counted by lines. `Hints` is what the
+motor file says about reading a file.
 """
 
 from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
 
 from ...errors import InputError
 from ...io.quantities import printable
+from ...record.channels import Claim, Columns, parse_claims
 from ...record.header import split_name
 from ...record.record import Finding
 from ...record.table import PREAMBLE, Column, Question, Stated, Table, kind_of_frames, no_signals
 from ...record.units import find_unit, is_unit
 from ..clock import TimeFormat, parse_time_format, stated_format
-from ..hints import NO_HINTS, Hints
 from .encoding import CODECS, decode
 from .layout import DELIMITERS, Layout, find_layout
 from .lines import (
@@ -31,6 +32,56 @@ from .lines import (
 )
 from .remarks import X_NAME, stated_raster, units_of_remarks
 from .values import MISSING, doubtful, read_values, signs_joined, unreadable_cells, unsettled_cells
+
+Decimal = Literal[".", ","]
+
+
+@dataclass(frozen=True)
+class Hints:
+    """What the motor file says about reading a file.
+
+    Attributes:
+        claims: What the lines of `[columns]` say of each column that they name.
+        decimal: Decimal sign of the text tables, or None to find it.
+        sheet: Sheet of a workbook that the test names, or None to choose it.
+    """
+
+    claims: tuple[Claim, ...] = ()
+    decimal: Decimal | None = None
+    sheet: str | None = None
+
+    def unit_of(self, name: str, label: str) -> str | None:
+        """Return the unit text that `[columns]` states for a column of this name and label, if any.
+
+        A right-hand side that is the name as it stands in the file states nothing of its own.
+        """
+        for claim in self.claims:
+            if claim.base == name:
+                return claim.bracket
+            if claim.text != name and claim.unit is not None and claim.label in (name, label):
+                return claim.unit
+        return None
+
+
+def hints_of(
+    columns: Columns | None,
+    decimal: Decimal | None = None,
+    *,
+    where: str,
+    sheet: str | None = None,
+) -> Hints:
+    """Return what the `[columns]` and `decimal` of a motor file say about reading.
+
+    Raises:
+        InputError: If `[columns]` names a channel that is not known.
+    """
+    claims = parse_claims(columns or {}, where)
+    each = (one for claim in claims for one in (claim.parts or (claim,)))
+    return Hints(tuple(each), decimal, sheet)
+
+
+NO_HINTS = Hints()
+
 
 NUM_NAMED = 5  # so many spans stand in a message
 

@@ -29,14 +29,16 @@ from ..clock import (
     read_days,
     read_stated,
 )
-from ..dates import DATE_TIME, DATE_TIME_CELL, read_dates
-from ..header_date import (
+from ..dates import (
+    DATE_TIME,
+    DATE_TIME_CELL,
     NO_YEAR,
     SHORT_FRACTION,
     is_worded_date,
     numbered_dates,
     plain_clock,
     plain_clocks,
+    read_dates,
 )
 
 NUMBER = {

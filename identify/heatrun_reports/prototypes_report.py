@@ -1,4 +1,7 @@
-"""The report on several prototypes: virtual, semi-real, real and repeats, as PDF, CSV and JSON."""
+"""The report on several prototypes: virtual, semi-real, real and repeats, as PDF, CSV and JSON.
+
+Its first lines say which pairs agree; its figures show each signal of all over each other.
+"""
 
 from __future__ import annotations
 
@@ -7,25 +10,45 @@ from dataclasses import replace
 from functools import partial
 from itertools import combinations
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from heatrun.io.texts import LANGUAGES
 from heatrun.io.whole_files import writable
 from heatrun.record.motor import Motor
+from heatrun.record.record import Record
 from heatrun.record.samples import median_step, samples
+from heatrun.reports.figures import plain
+from heatrun.reports.printed import signed
 
-from ..analysis.general_information import FIGURES
-from ..analysis.validation import PERCENT, RULE, VERDICTS, FigureComparison, SignalComparison, place
-from ..bench_test_types import PROTOTYPES
-from ..figure_cells import figure_cells
-from ..figures.plot import unit, wording
-from ..independence import before, fitted_by, same_file, simulated_as
-from ..job import Outcome, settings_of, write_report
-from ..report import Column, Drawing, Line, Report, Row, Table
-from ..report_name import date_of_test
-from . import figures as figures
-from .confront import Compared, Confrontation, base_of, confront
-from .prototype import Prototype, is_virtual, judge_network, read_prototypes
-from .summary import counts, summary
+from .analysis.drive import has, with_powers
+from .analysis.general_information import FIGURES
+from .analysis.validation import PERCENT, RULE, VERDICTS, FigureComparison, SignalComparison, place
+from .bench_test_types import PROTOTYPES
+from .document import date_of_test
+from .job import Outcome, settings_of, write_report
+from .plot import CYCLE, finish, line, samples_or_nan, stacked, thin, unit, wording
+from .prototypes import (
+    Compared,
+    Confrontation,
+    OnNetwork,
+    Prototype,
+    base_of,
+    confront,
+    is_virtual,
+    judge_network,
+    read_prototypes,
+)
+from .report import Column, Drawing, Line, Report, Row, Table
+from .simulated import before, fitted_by, same_file, simulated_as
+from .validation_report import disagreement, figure_cells, lower
+
+if TYPE_CHECKING:
+    from .prototypes import Confrontation
+
 
 DECIDED = {"uncertainty": "instruments"}
 """What decided a tolerance, where the word of the column is another one."""
@@ -321,7 +344,7 @@ def _drawings(found: Confrontation, motor: Motor) -> tuple[Drawing, ...]:
             f"signal_{channel}",
             f"Above, {wording(channel)} of all prototypes on the clock of {found.base.role}; "
             "below, the differences of the pairs, with their tolerances as broken lines.",
-            partial(figures.overlay, found, motor, channel),
+            partial(overlay, found, motor, channel),
         )
         for channel in signals_of(found)
     ]
@@ -331,7 +354,7 @@ def _drawings(found: Confrontation, motor: Motor) -> tuple[Drawing, ...]:
                 "network",
                 "Measured winding of each prototype with the prediction of the run's network and "
                 "its 95 % band; below, measured less predicted.",
-                partial(figures.networks, found),
+                partial(networks, found),
             )
         )
     return tuple(drawings)
@@ -390,3 +413,128 @@ def make_prototypes_report(
     parts = [p.record.stretch for p in prototypes if p.record.stretch]
     settings = [*parts, *settings_of(run, tolerances, None, language)]
     return write_report(report.test, report, when, out, settings, language)
+
+
+IN_FULL, NAMED = 3, 8
+"""So many pairs that do not agree are told in full on the first lines, so many by what does not;
+of more there is room for the counts, and the tables tell all."""
+
+
+def summary(found: Confrontation) -> str:
+    """Return what came out in sentences: which pairs agree, and where the others do not."""
+    agreeing = [p.name for p in found.pairs if counts(p)[1] and counts(p)[0] == counts(p)[1]]
+    others = [pair for pair in found.pairs if pair.name not in agreeing]
+    sentences = [f"Agree in all that is judged: {', '.join(agreeing)}."] if agreeing else []
+    sentences += [_pair_sentence(pair, len(others)) for pair in others]
+    sentences += [_network_sentence(one) for one in found.networks]
+    return " ".join(sentences)
+
+
+def _pair_sentence(pair: Compared, num_told: int) -> str:
+    agree, judged = counts(pair)
+    if not judged:
+        return f"{pair.name}: nothing in common is evidence."
+    signals = [s for s in pair.validation.judged if s.verdict != "agrees"]
+    figures = [f for f in pair.validation.judged_figures if f.verdict != "agrees"]
+    if num_told <= IN_FULL:
+        words = [f"{wording(s.channel)} ({_deviation(s)})" for s in signals]
+        words += [disagreement(f) for f in figures]
+    else:
+        words = [wording(s.channel) for s in signals] + [lower(f.label) for f in figures]
+    head = f"{pair.name}: {agree} of {judged} agree"
+    return f"{head}; not {', '.join(words)}." if num_told <= NAMED else f"{head}."
+
+
+def _deviation(signal: SignalComparison) -> str:
+    if signal.verdict != "biased":
+        return signal.verdict
+    symbol = unit(signal.channel, is_difference=True)
+    return f"biased by {signal.bias:+.2g} {symbol}"
+
+
+def _network_sentence(one: OnNetwork) -> str:
+    parts = [
+        f"{wording(s.channel)} {s.verdict} (bias {signed(s.bias, 1)} K, RMSE {s.rmse:.1f} K)"
+        for s in one.temperatures
+    ]
+    return f"Network of the run on {one.prototype.role}: {', '.join(parts)}."
+
+
+def counts(pair: Compared) -> tuple[int, int]:
+    """Return how many signals and figures of a pair agree, and how many are judged."""
+    judged = [*pair.validation.judged, *pair.validation.judged_figures]
+    return sum(one.verdict == "agrees" for one in judged), len(judged)
+
+
+PAIR_COLOURS = (6, 3, 4, 7, 5)
+"""Colours of the differences, apart from those of the prototypes."""
+
+
+def overlay(found: Confrontation, motor: Motor, channel: str) -> Figure:
+    """Return one signal of all prototypes on one clock, and the differences of the pairs."""
+    figure, (top, bottom) = stacked([1.25, 0.75])
+    for number, prototype in enumerate(found.prototypes):
+        record = _in_window(found, prototype.role, with_powers(prototype.record, motor))
+        if not has(record, channel):
+            continue
+        _band(top, found, number, channel)
+        line(top, *samples_or_nan(record, channel), plain(prototype.role), number)
+    top.set_ylabel(f"{wording(channel)}\n[{unit(channel)}]", fontsize=8)
+    bottom.axhline(0.0, color="0.6", lw=0.6)
+    for number, pair in enumerate(found.pairs):
+        signal = next((s for s in pair.validation.signals if s.channel == channel), None)
+        if signal is None or signal.verdict == "not comparable":
+            continue
+        common = pair.validation.pair
+        clock = common.time_s + found.shift_s[pair.later.role]
+        colour = CYCLE[PAIR_COLOURS[number % len(PAIR_COLOURS)]]
+        difference = common.ours[channel] - common.theirs[channel]
+        bottom.plot(*thin(clock, difference), color=colour, lw=0.8, label=plain(pair.name))
+        for limit in (-signal.tolerance.value, signal.tolerance.value):
+            bottom.axhline(limit, color=colour, lw=0.7, ls="--")
+    bottom.set_ylabel(f"difference\n[{unit(channel, is_difference=True)}]", fontsize=8)
+    finish([top, bottom])
+    return figure
+
+
+def networks(found: Confrontation) -> Figure:
+    """Return each measured winding with the prediction of the network, and the difference."""
+    figure, (top, bottom) = stacked([1.9, 0.95])
+    channel = "winding_degC"
+    roles = [prototype.role for prototype in found.prototypes]
+    bottom.axhline(0.0, color="0.6", lw=0.6)
+    for one in found.networks:
+        colour = roles.index(one.prototype.role)
+        common = one.validation.pair
+        clock = common.time_s + found.shift_s[one.prototype.role]
+        name = plain(one.prototype.role)
+        low, high = one.validation.bands[channel]
+        top.fill_between(clock / 60.0, low, high, color=CYCLE[colour % len(CYCLE)], alpha=0.2, lw=0)
+        line(top, clock, common.ours[channel], f"{name}, measured", colour)
+        top.plot(*thin(clock, common.theirs[channel]), color=CYCLE[colour % len(CYCLE)], lw=0.9,
+                 ls="--", label=f"network driven by {plain(one.driven_by)} (95 %)")  # fmt: skip
+        line(bottom, clock, common.ours[channel] - common.theirs[channel], name, colour)
+    top.set_ylabel("winding [°C]", fontsize=8)
+    bottom.set_ylabel("measured −\npredicted [K]", fontsize=8)
+    finish([top, bottom])
+    return figure
+
+
+def _in_window(found: Confrontation, role: str, record: Record) -> Record:
+    """A record on the clock kept, cut to the time in common."""
+    clock = record.time_s + found.shift_s[role]
+    inside = (clock >= found.window_s[0]) & (clock <= found.window_s[1])
+    channels = {name: values[inside] for name, values in record.channels.items()}
+    return Record(record.name, {**channels, "time_s": clock[inside]})
+
+
+def _band(axis: Axes, found: Confrontation, number: int, channel: str) -> None:
+    """The 95 % band of a simulated prototype."""
+    prototype = found.prototypes[number]
+    if channel not in prototype.reference.bands:
+        return
+    clock = prototype.record.time_s + found.shift_s[prototype.role]
+    inside = (clock >= found.window_s[0]) & (clock <= found.window_s[1])
+    low, high = (np.asarray(side)[inside] for side in prototype.reference.bands[channel])
+    axis.fill_between(clock[inside] / 60.0, low, high, color=CYCLE[number % len(CYCLE)], alpha=0.2,
+                      lw=0, label=f"95 % band of {plain(prototype.role)}")  # fmt: skip

@@ -17,14 +17,13 @@ from tornado.netutil import bind_sockets
 
 from heatrun.errors import InputError
 
-from ..look import PART_CSS
-from ..reading import problem
-from ..running_jobs import JobQueue
-from ..store import Folder, RecordStore
-from ..tabs.page import Page
-from ..uploads import UploadRoom
 from .gate import Gate, Ticket
-from .serving import serve
+from .handlers import serve
+from .look import PART_CSS
+from .reading import problem
+from .running_jobs import JobQueue
+from .store import Folder, RecordStore, UploadRoom
+from .tabs.page import Page
 
 LARGEST_PORT = 65535
 

@@ -14,10 +14,9 @@ from heatrun.record.record import Record
 from heatrun.record.samples import samples
 from heatrun.reports.figures import GAP_IN, plain, stack
 
-from ..analysis.drive import bridged_steps, electrical_power, has, with_powers
-from ..analysis.operating_map import OperatingMap
-from ..analysis.pair import Pair
-from ..analysis.validation import SignalComparison
+from .analysis.drive import OperatingMap, bridged_steps, electrical_power, has, with_powers
+from .analysis.pair import Pair
+from .analysis.validation import SignalComparison
 
 CYCLE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#222222", "#999933")
 """Okabe and Ito's palette, which colour-blind readers can tell apart, and an olive."""

@@ -1,1 +1,0 @@
-"""The figures of the reports by test type."""

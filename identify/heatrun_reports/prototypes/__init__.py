@@ -1,1 +1,0 @@
-"""Several prototypes on one manoeuvre in one view: virtual, semi-real, real, and repeats."""
