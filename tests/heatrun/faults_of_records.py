@@ -50,6 +50,21 @@ RIPPLE = np.random.default_rng(3).uniform(7.0, 10.0, TIME.size)
 CUT = cut(CLEAN, Stretch(1800.0), "test")
 WARM_K = float(CUT["winding_degC"][0] - CUT["ambient_degC"][0])
 
+
+def of_powers(times: float) -> Record:
+    """A record whose losses are those of its columns of power and torque, by a torque whose power
+    is so many times the losses.
+    """
+    shaft_W = times * CLEAN["losses_W"]
+    columns = as_columns(changed(
+        CLEAN, speed_rpm=np.full(TIME.size, 1500.0), torque_Nm=shaft_W / (50.0 * np.pi),
+        electrical_power_W=(1.0 + abs(times)) * CLEAN["losses_W"],
+    ))  # fmt: skip
+    mapping = tuple(one for one in columns.mapping if one.channel != "losses_W")
+    losses_W = columns["electrical_power_W"] - shaft_W
+    return replace(changed(columns, losses_W=losses_W), mapping=mapping)
+
+
 FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
     "missing_channel": (without(CLEAN, "losses_W"), MOTOR, "error", "", (0, 0)),
     "simulated_by_heatrun": (
@@ -66,6 +81,9 @@ FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
     "sampling": (every(CLEAN, 200), MOTOR, "warning", "step_s", (20, 20)),
     "load_spike": (
         edited(CLEAN, "losses_W", 1500.0, 1503.0, 65535.0), MOTOR, "error", "num_samples", (30, 30)
+    ),
+    "load_stuck": (
+        edited(CLEAN, "losses_W", 1000.0, 1400.0, 431.7), MOTOR, "error", "from_s", (998, 1002)
     ),
     "nan_block": (
         edited(CLEAN, "winding_degC", 600.0, 630.0, np.nan), MOTOR, "error", "longest_s", (29, 31)
@@ -359,6 +377,20 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
     ),
     "one level for 15 min": (
         "too_short", heat_run(currents=(130.0,), minutes=15.0), MOTOR, "warning"
+    ),
+    "torque that brakes": ("shaft_power_disagrees", of_powers(-5.0), MOTOR, "error"),
+    "torque that drives": ("shaft_power_disagrees", of_powers(5.0), MOTOR, None),
+    "load that is set": (
+        "load_stuck",
+        changed(
+            edited(edited(CLEAN, "losses_W", 1000.0, 1400.0, 431.7),
+                   "phase_current_A", 1000.0, 1400.0, 99.0),
+            speed_rpm=np.full(TIME.size, 1500.0),
+        ),
+        MOTOR, "warning",
+    ),
+    "no load": (
+        "load_stuck", edited(CLEAN, "losses_W", 1000.0, 1400.0, 0.0), MOTOR, None
     ),
     "torque of one scale": ("shaft_power_disagrees", motor_and_generator(0.0), MOTOR, None),
     "generator half a percent off": (

@@ -168,12 +168,12 @@ def test_a_held_out_test_takes_the_zero_of_its_torque(calibrated, driven, motor)
     assert errors(calibrated, record, motor, told=())[0] > 5.0
 
 
-def test_losses_below_zero_are_explained_by_what_the_inputs_tell(driven, motor):
+def test_losses_below_zero_are_not_told_beside_the_error_that_makes_them_so(driven, motor):
     def severities(torque_Nm):
         found = check_record(with_errors(driven, torque_Nm=torque_Nm), motor)
         return {f.severity for f in found if f.id in ("losses_negative", "losses_below_copper")}
 
-    assert severities(4.0) == {"note"}
+    assert severities(4.0) == set()
     held = replace(motor, parameters={"torque_offset": ParameterOverride(fixed=0.0)})
     assert "error" in {f.severity for f in check_record(with_errors(driven, torque_Nm=4.0), held)}
 

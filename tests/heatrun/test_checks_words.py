@@ -284,13 +284,15 @@ def test_a_sink_that_jumps_is_not_told_to_move_too():
 def test_an_offset_of_the_torque_is_not_told_as_a_warm_start():
     """The offset, times speed, takes the losses below nothing from the first load on."""
     rest = SLOW.time_s < 120.0
-    speed = np.where(rest, 0.0, SLOW["speed_rpm"])
+    later = {  # the machine rests for two minutes first
+        name: np.interp(SLOW.time_s - 120.0, SLOW.time_s, SLOW[name])
+        for name in ("winding_degC", "phase_current_A", "losses_W", "speed_rpm")
+    }
+    loads = {n: np.where(rest, 0.0, v) for n, v in later.items() if n != "winding_degC"}
     offset_Nm = 4.0
-    record = changed(
-        SLOW, speed_rpm=speed, torque_Nm=np.where(rest, 0.0, 40.0) + offset_Nm,
-        phase_current_A=np.where(rest, 0.0, SLOW["phase_current_A"]),
-        losses_W=np.where(rest, 0.0, SLOW["losses_W"]) - offset_Nm * speed * np.pi / 30.0,
-    )  # fmt: skip
+    loads["losses_W"] -= offset_Nm * loads["speed_rpm"] * np.pi / 30.0
+    torque_Nm = np.where(rest, 0.0, 40.0) + offset_Nm
+    record = changed(SLOW, **{**later, **loads}, torque_Nm=torque_Nm)
     told = {one.id for one in check_record(record, MOTOR)}
     assert "shaft_power_disagrees" in told
     assert "start_not_in_equilibrium" not in told

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..record.balance_errors import shaft_power_disagrees
+from ..record.balance_errors import prior_of, shaft_power_disagrees
 from ..record.channels import BODIES
 from ..record.derive import RAD_PER_S_PER_RPM, recorded_shaft_power
 from ..record.motor import Motor
@@ -32,7 +32,7 @@ from .course import (
     truncation,
 )
 from .excitation import single_step, too_short
-from .frozen import Looked, saturation, sensor_stuck
+from .frozen import Looked, load_stuck, saturation, sensor_stuck
 from .heat import losses_absent, losses_absurd, losses_of_dc_link
 from .load_spike import load_spike, spike_windows
 from .losses import current_amplitude, losses_below_copper, losses_negative, losses_of_shaft
@@ -66,8 +66,10 @@ CHECKS: tuple[Check, ...] = (
     time_jitter,
     sampling,
     load_spike,
+    load_stuck,
     nan_block,
     units_temperature,
+    shaft_power_disagrees,
     losses_of_shaft,
     resistance_coefficient,
     unit_suspected,
@@ -87,7 +89,6 @@ CHECKS: tuple[Check, ...] = (
     standstill_losses,
     losses_absent,
     losses_of_dc_link,
-    shaft_power_disagrees,
     no_heating,
     start_not_in_equilibrium,
     cut_while_warm,
@@ -222,8 +223,8 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
         shaft = recorded_shaft_power(record.channels)
         terms = {"shaft_power_offset": 1.0, "shaft_power_gain": shaft}
         terms["torque_offset"] = RAD_PER_S_PER_RPM * np.asarray(record["speed_rpm"])
-        found = finding.values
-        told = (term * found[name] for name, term in terms.items() if name in found)
+        taken = [n for n in finding.values if n in terms and not prior_of(motor, n, 0.0).is_fixed]
+        told = (terms[name] * finding.values[name] for name in taken)
         losses = record["losses_W"] - sum(told)
         return replace(record, channels={**record.channels, "losses_W": losses}), motor
     if finding.id == "resistance_coefficient":
@@ -239,6 +240,9 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
         first = {name: column[:size] for name, column in record.channels.items()}
         part_of, row = record.part_of or record.name, record.first_row or 1
         return replace(record, channels=first, part_of=part_of, first_row=row), motor
+    if finding.id == "load_stuck":
+        held = (finding.values["from_s"] or 0.0, finding.values["to_s"] or 0.0)
+        return mask(record, [*record.masks, held], ""), motor
     if finding.id == "unit_suspected":
         return read_otherwise(record, motor, finding)
     if finding.id == "load_spike":

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..record.channels import BODIES
+from ..record.channels import BODIES, CHANNEL
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.samples import (
@@ -26,13 +26,18 @@ from ..record.samples import (
     with_all_heat,
 )
 from ..record.stretch import windows, within
-from .advice import Remedy, mask_line
+from .advice import Remedy, mask_line, use_line
+from .load_spike import QUANTITIES as OF_THE_LOAD
 from .quick_fit import QuickFit, course_of, fit_of, quick_fit
 from .time_axis import MAX_GAP_S, MAX_GAP_SHARE
 from .unexplained import Movement, unexplained_movement
 
 LIVE_STEP_K = 0.05
 """Below this rounding step the last digit of a live thermocouple flickers."""
+
+FLICKERS = 0.5
+"""Share of the readings elsewhere [1] that differ from the one before, where a last digit flickers:
+a mean of three quiet sensors has a fine step and stands still all the same."""
 
 LIVE_SAMPLES = 20
 LIVE_S = 10.0
@@ -108,8 +113,10 @@ def frozen_stretches(record: Record, motor: Motor) -> Iterator[Stretch]:
     if time_s.size < LIVE_SAMPLES:
         return
     step = rounding_step(winding)
-    is_live = step is None or step < LIVE_STEP_K
     first, past = runs(np.diff(winding) == 0.0)
+    elsewhere = winding.size - 1 - np.max(past - first, initial=0)
+    flickers = np.count_nonzero(np.diff(winding)) >= FLICKERS * elsewhere
+    is_live = flickers and (step is None or step < LIVE_STEP_K)
     length_s = time_s[past] - time_s[first]
     if is_live:
         long = (past - first >= LIVE_SAMPLES) & (length_s >= LIVE_S)
@@ -246,26 +253,73 @@ def sensor_stuck(record: Record, _: Motor, looked: Looked) -> Iterator[Finding]:
 def _stuck_beside(record: Record) -> Iterator[Finding]:
     """Yield the longest stretch in which a temperature beside the winding's stands still."""
     for channel in (*BODIES, "ambient_degC", "coolant_degC"):
-        time_s, values = samples(record, channel)
-        first, past = runs(np.diff(values) == 0.0)
-        if first.size == 0 or np.ptp(values) == 0.0:
+        held = _longest_held(record, channel)
+        if held is None:
             continue
-        longest = int(np.argmax(past - first))
-        a, b = int(first[longest]), int(past[longest])
-        elsewhere = np.delete(np.diff(values), slice(a, b))
-        is_live = elsewhere.size > b - a and float(np.mean(elsewhere != 0.0)) >= LIVE_SHARE
-        if b - a < LIVE_SAMPLES or time_s[b] - time_s[a] < MIN_STRETCH_S or not is_live:
-            continue
+        from_s, to_s, reading = held
         without = f' To do without it: {channel} = "none" under [columns].'
         yield Finding(
             "sensor_stuck",
             "warning",
-            f"The reading is frozen at {values[a]:.2f} °C for {time_s[b] - time_s[a]:.0f} s, but "
+            f"The reading is frozen at {reading:.2f} °C for {to_s - from_s:.0f} s, but "
             "its last digit changes elsewhere in the test.",
-            place(record, channel, float(time_s[a]), float(time_s[b])),
+            place(record, channel, from_s, to_s),
             f"Check the sensor.{without if channel in BODIES else ''}",
-            values={"reading_degC": float(values[a]), "from_s": float(time_s[a]),
-                    "to_s": float(time_s[b])},
+            values={"reading_degC": reading, "from_s": from_s, "to_s": to_s},
+        )
+
+
+def _longest_held(record: Record, channel: str) -> tuple[float, float, float] | None:
+    """Return begin and end [s] of the longest stretch in which a channel stands still whose last
+    digit changes elsewhere, and what it reads there; None where there is none of minutes.
+    """
+    time_s, values = samples(record, channel)
+    first, past = runs(np.diff(values) == 0.0)
+    if first.size == 0 or np.ptp(values) == 0.0:
+        return None
+    longest = int(np.argmax(past - first))
+    a, b = int(first[longest]), int(past[longest])
+    elsewhere = np.delete(np.diff(values), slice(a, b))
+    is_live = elsewhere.size > b - a and float(np.mean(elsewhere != 0.0)) >= LIVE_SHARE
+    if b - a < LIVE_SAMPLES or time_s[b] - time_s[a] < MIN_STRETCH_S or not is_live:
+        return None
+    return float(time_s[a]), float(time_s[b]), float(values[a])
+
+
+def load_stuck(record: Record, _: Motor) -> Iterator[Finding]:
+    """Report the longest stretch in which a column of the load stands still, at no zero, though
+    its last digit changes elsewhere: the logger has held its last value.
+
+    An error where it is as long as a gap that is one, and another column of the load goes on: a
+    load that is set, not measured, may stand still.
+    """
+    told: list[tuple[float, float]] = []
+    read = [one.channel for one in record.mapping] or list(record.channels)
+    load = [n for n in read if n in record and n in CHANNEL and CHANNEL[n].quantity in OF_THE_LOAD]
+    for channel in load:
+        held = _longest_held(record, channel)
+        if held is None or abs(held[2]) <= REST_SHARE * np.nanmax(np.abs(record[channel])):
+            continue
+        from_s, to_s, value = held
+        if any(from_s < end and begin < to_s for begin, end in told):
+            continue  # the logger held all of its channels at once
+        told.append((from_s, to_s))
+        parts = [
+            (float(np.nanmin(record.time_s)), from_s), (to_s, float(np.nanmax(record.time_s)))
+        ]  # fmt: skip
+        long = [part for part in parts if part[1] - part[0] > MIN_STRETCH_S]
+        inside = within(record.time_s, [(from_s, to_s)])
+        goes_on = any(np.mean(np.diff(record[other][inside]) != 0.0) > 0.5 for other in load)
+        is_long = to_s - from_s > min(MAX_GAP_S, MAX_GAP_SHARE * record.duration_s)
+        yield Finding(
+            "load_stuck",
+            "error" if is_long and goes_on else "warning",
+            f"{channel} stands at {value:.6g} {CHANNEL[channel].unit} for {to_s - from_s:.0f} s, "
+            "but its last digit changes elsewhere: the value was held, not measured.",
+            place(record, channel, from_s, to_s),
+            Remedy("Check logger and bus. To use what is before and behind: ",
+                   use_line(record, *long), ".") if long else "Check logger and bus.",
+            values={"from_s": from_s, "to_s": to_s, "value": value},
         )  # fmt: skip
 
 

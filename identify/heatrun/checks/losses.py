@@ -49,11 +49,6 @@ NOISE_SIGMAS = 6.0
 EXPLAINED = 0.9
 """Part of the blocks [1] in which an explanation must hold."""
 
-TOLD = (
-    "What the inputs tell of torque and powers (shaft_power_disagrees) explains this: fit and "
-    "predictions correct it."
-)
-
 AMPLITUDE_SQUARED = 2.0
 """The square of amplitude over rms of a sine [1]."""
 
@@ -97,7 +92,7 @@ def losses_below_copper(record: Record, motor: Motor) -> Iterator[Finding]:
     Needs `phase_resistance_ohm` and losses that are a balance. An error if it holds for most of the
     time under current by more than `FIRM_TOLERANCE`, or for a tenth of it by a quarter; a warning
     if for 30 s or more, or where the error that is allowed for the mechanical power
-    (`shaft_power_gain`) explains it: a fit estimates that. A note where the inputs tell that error.
+    (`shaft_power_gain`) explains it: a fit estimates that.
     """
     time_s, share = copper_shares(record, motor)
     below = share > 1.0 + COPPER_TOLERANCE
@@ -113,18 +108,14 @@ def losses_below_copper(record: Record, motor: Motor) -> Iterator[Finding]:
     is_far = float(np.mean(share > FAR_ABOVE)) > OFTEN
     is_firm = float(np.mean(share > 1.0 + FIRM_TOLERANCE)) > MOST
     is_explained = shaft_explains(record, motor)
-    is_told = is_explained and bool(own_errors(record, motor))
-    severity = "error" if (is_firm or is_far) and not is_explained else "warning"
     yield Finding(
         "losses_below_copper",
-        "note" if is_told else severity,
+        "error" if (is_firm or is_far) and not is_explained else "warning",
         f"Expected losses above the copper loss; in {100.0 * np.mean(below):.0f} % of the time "
         f"under current they are {share_in_words(typical)}. Every thermal resistance and "
         "capacity would be biased.",
         place(record, "losses_W", from_s, to_s),
-        TOLD
-        if is_told
-        else "Check whether phase_current_A is an amplitude (factor 2 in the copper loss; then "
+        "Check whether phase_current_A is an amplitude (factor 2 in the copper loss; then "
         'phase_current_A = "COLUMN [A_peak]" in [columns]), whether phase_resistance_ohm was '
         "measured between terminals (factor 2 in star, 2/3 in delta), whether phases is right "
         "(1 for a coil), whether the losses are complete, and whether torque and power have "
@@ -205,7 +196,7 @@ def losses_negative(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report losses below zero: an error if sustained for 30 s, a warning if isolated.
 
     A warning too where the error that is allowed for the mechanical power (`shaft_power_gain`)
-    explains what is sustained: a fit estimates that. A note where the inputs tell that error.
+    explains what is sustained: a fit estimates that.
 
     Noise about zero at rest is no finding: samples count below minus six standard deviations, means
     over 10 s below minus 3 % of the peak.
@@ -228,8 +219,7 @@ def losses_negative(record: Record, motor: Motor) -> Iterator[Finding]:
         allowed = _shaft_error_W(record, motor, "losses_W")
         is_allowed = allowed.size == means.size and motor.losses == "balance"
         is_explained = is_allowed and _holds(-means[is_negative] <= allowed[is_negative])
-        is_told = is_explained and bool(own_errors(record, motor))
-        severity = "note" if is_told else "warning" if is_explained else "error"
+        severity = "warning" if is_explained else "error"
     elif isolated.any() or first.size:
         at = time_s[isolated] if isolated.any() else means_s[is_negative]
         severity, from_s, to_s = "warning", at[0], at[-1]
@@ -242,9 +232,7 @@ def losses_negative(record: Record, motor: Motor) -> Iterator[Finding]:
         f"Expected losses of at least 0 W; {int(np.sum(losses < floor))} samples are "
         f"negative, down to {lowest:.3g} W. Negative losses would cool the model.",
         place(record, "losses_W", float(from_s), float(to_s)),
-        TOLD
-        if severity == "note"
-        else "Check the signs of electrical and mechanical power, braking, and zero and gain "
+        "Check the signs of electrical and mechanical power, braking, and zero and gain "
         "of the torque ([parameters.shaft_power_gain] sd says how far it may be off).",
         values={
             "lowest_W": lowest,

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from .derive import RAD_PER_S_PER_RPM, recorded_shaft_power
+from .derive import ELECTRICAL, RAD_PER_S_PER_RPM, recorded_shaft_power
 from .motor import Motor, ParameterOverride
 from .record import Finding, Record
 from .samples import block_means, place, runs, samples, sink_channel
@@ -46,7 +46,13 @@ LEAST_SHARE = 0.05
 """Share of the blocks that each direction of power or rotation needs [1]."""
 
 LEAST_POWER = 0.2
-"""In parts of the largest mechanical power [1]: blocks below say nothing of its scale."""
+"""In parts of the largest power [1]: blocks below say nothing of its scale."""
+
+LARGEST_GAIN = 0.3
+"""A scale that is off by more than this [1] is no transducer's: a unit or a column is wrong."""
+
+OPPOSED = 0.9
+"""Share of the loaded blocks [1] in which both powers flow in where one has the wrong sign."""
 
 EXPLAINED = 0.5
 """Part of the scatter that the error must explain [1]: losses that current and speed do not tell,
@@ -148,7 +154,8 @@ def told_by_inputs(record: Record, motor: Motor) -> tuple[Told, ...]:
     for told in (*_by_direction(*means), *_at_rest(record, motor)):
         prior = prior_of(motor, told.name, usual[told.name])
         allowed = BEYOND * (usual[told.name] if prior.is_fixed else prior.sd)
-        if abs(told.mean - prior.centre) > max(allowed, SIGMAS * told.sd):
+        is_scale = told.name != "shaft_power_gain" or abs(told.mean) < LARGEST_GAIN
+        if is_scale and abs(told.mean - prior.centre) > max(allowed, SIGMAS * told.sd):
             found.setdefault(told.name, told)
     return tuple(found.values())
 
@@ -157,9 +164,39 @@ def shaft_power_disagrees(record: Record, motor: Motor) -> tuple[Finding, ...]:
     """Report errors of torque and powers that contradict their priors, and what is done about them.
 
     Needs losses from a balance, current, speed, torque or mechanical power, and a load in both
-    directions, rotation in both directions, or a standstill without current.
+    directions, rotation in both directions, or a standstill without current. Where electrical and
+    mechanical power both flow in, one of them has the wrong sign: an error, for nothing else tells.
     """
+    if motor.losses == "balance" and (reversed_sign := _reversed_sign(record, motor)) is not None:
+        return (reversed_sign,)
     return tuple(_finding(record, motor, told) for told in told_by_inputs(record, motor))
+
+
+def _reversed_sign(record: Record, motor: Motor) -> Finding | None:
+    """Return the finding that both powers, whose difference the losses are, flow in under load."""
+    shaft = recorded_shaft_power(record.channels)
+    way = next((one for one in ELECTRICAL if one.is_open(record.channels)), None)
+    if shaft is None or way is None or any(one.channel == "losses_W" for one in record.mapping):
+        return None
+    electrical = np.asarray(way.compute(record.channels, motor.phases), dtype=float)
+    powers = Record("", {"time_s": record.time_s, "electrical": electrical, "shaft": shaft})
+    time_s, *columns = samples(powers, "electrical", "shaft")
+    if time_s.size < 2:
+        return None
+    _, electrical, shaft = block_means(time_s, BLOCK_S, *columns)
+    loaded = np.abs(electrical) > LEAST_POWER * np.max(np.abs(electrical))
+    loaded &= np.abs(shaft) > LEAST_POWER * np.abs(electrical)
+    if np.mean(loaded) < LEAST_SHARE or np.mean((electrical * shaft)[loaded] < 0.0) < OPPOSED:
+        return None
+    return Finding(
+        "shaft_power_disagrees",
+        "error",
+        "Electrical and mechanical power both flow into the machine under load: torque, speed or "
+        "electrical power has the wrong sign, and the losses are the sum of the two powers.",
+        place(record, "losses_W", *map(float, record.time_s[[0, -1]])),
+        "Export them so that power and torque times speed are positive where the machine drives.",
+        values={"shaft_power_gain": -2.0},
+    )
 
 
 def _finding(record: Record, motor: Motor, told: Told) -> Finding:
