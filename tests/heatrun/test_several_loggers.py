@@ -262,6 +262,26 @@ def test_a_phase_that_reads_wrongly_is_no_part_of_a_mean(
 LASTING = np.where(SECONDS > 100, 12.0, 0.0)
 
 
+@pytest.mark.parametrize(
+    ("factors", "says", "line", "current_A"),
+    [((0.0, 0.002), "I_V and I_W read nothing where column 'I_U' carries", '"I_U"', 12.0),
+     ((-1.0, 0.001), "column 'I_W' reads nothing where I_U and I_V agree", '"mean(I_U, I_V)"',
+      12.0)],
+)  # fmt: skip
+def test_two_faults_of_three_phases_are_no_phases_that_agree(
+    tmp_path, factors, says, line, current_A
+):
+    columns = {"I_U": AMPERES, "I_V": factors[0] * AMPERES, "I_W": factors[1] * AMPERES}
+    mapped = 'phase_current_A = "mean(I_U, I_V, I_W) [A]"\nwinding_degC = "T [degC]"'
+    record = read(tmp_path, columns | {"T": U}, mapped)
+    (finding,) = [one for one in record.findings if one.id == "sensors_differ"]
+    assert finding.severity == "error"
+    assert says in finding.message
+    assert f"phase_current_A = {line}" in finding.remedy
+    mean = mended(record, Motor("M"), finding)[0]["phase_current_A"]
+    np.testing.assert_allclose(mean[AMPERES > 0.0], current_A, rtol=1e-3)
+
+
 @pytest.mark.parametrize("others", [("I_U", "I_W"), ("I_U",)])
 @pytest.mark.parametrize(("from_s", "to_s"), [(450, 2000), (860, 2000), (400, 700)])
 def test_the_moment_is_named_at_which_a_clamp_dies(tmp_path, others, from_s, to_s):

@@ -341,9 +341,10 @@ elsewhere: phases of one winding differ by a few kelvin."""
 FLOWS = 0.2
 """In parts of the largest current [1]: below, offsets of the clamps decide."""
 
-UNBALANCE, PHASE_OFF, NOTHING = 0.1, 0.2, 0.02
+UNBALANCE, PHASE_OFF, NOTHING, LONE = 0.1, 0.2, 0.02, 0.01
 """Phases of a balanced machine agree to this share [1]; one that differs by the second is its
-clamp's, its range's or its winding's; one below the third is dead."""
+clamp's, its range's or its winding's; one below the third is dead. The last is the share of all
+squares that the others have at most where one phase is alone."""
 
 SPAN_SAMPLES, MOST_SPANS, MOSTLY = 10, 48, 0.9
 """Phases are compared in spans of so many samples under load at least, and so many spans at most;
@@ -467,6 +468,21 @@ def _phase_differs(
     names, stacked = list(parts), np.stack(list(parts.values()))
     known = np.all(np.isfinite(stacked), axis=0)
     time_s, stacked = time_s[known], stacked[:, known]
+    power = np.mean(stacked**2, axis=1)
+    if len(names) > 2 and np.sum(power) > 0.0 and np.max(power) > (1.0 - LONE) * np.sum(power):
+        lone = names[int(np.argmax(power))]
+        rest = " and ".join(name for name in names if name != lone)
+        return Finding(
+            "sensors_differ",
+            "error",
+            f"Expected phases of one winding to carry one current; {rest} read nothing where column "
+            f"'{lone}' carries current, and what flows in must flow out. The mean reads "
+            f"{100.0 / len(names):.0f} % of the copper loss.",
+            f"{where}, {channel}",
+            f'Check the clamps and what they measure. To do without them: {channel} = "{lone}" '
+            "under [columns].",
+            values={"factor": len(names) ** 0.5},
+        )
     level = (
         np.median(np.abs(stacked), axis=0) if len(names) > 2 else np.max(np.abs(stacked), axis=0)
     )
@@ -475,6 +491,9 @@ def _phase_differs(
     if not flows.any():
         return None
     time_s, ratio, level = time_s[flows], stacked[:, flows] / level[flows], level[flows]
+    sizes = np.abs(np.median(ratio, axis=1))
+    if np.max(np.abs(sizes - 1.0)) >= PHASE_OFF:  # a sign does no harm to the mean, this does
+        ratio = np.abs(ratio)
     # below half load an offset of the clamps counts less
     far = np.abs(ratio - 1.0) * np.minimum(2.0 * level / top, 1.0)
     num_spans = int(np.clip(level.size // SPAN_SAMPLES, 1, MOST_SPANS))
