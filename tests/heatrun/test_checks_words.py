@@ -36,6 +36,7 @@ from heatrun.cli import main
 from heatrun.commands.calibrate import load
 from heatrun.motor.file import load_motor, parse_motor
 from heatrun.readers.joined import parts_of
+from heatrun.record.derive import BY_CONSTANTS
 from heatrun.record.findings import FINDINGS, TITLE, page
 from heatrun.record.motor import PartsOfTest
 from heatrun.record.record import ColumnReading, Finding, Record
@@ -571,3 +572,34 @@ def test_the_register_holds_no_other():
 
 def test_the_page_is_that_of_the_register():
     assert PAGE.read_text("utf-8") == TITLE + page(FINDINGS.items()), "run `make docs`"
+
+
+OF_A_CONSTANT = (f"ambient_degC = 0 {BY_CONSTANTS}",)
+
+
+def test_a_constant_in_fahrenheit_is_corrected_where_it_stands():
+    sink = np.full(SLOW.time_s.size, float(np.median(SLOW["ambient_degC"][:20])) * 1.8 + 32.0)
+    record = replace(changed(SLOW, ambient_degC=sink), notes=OF_A_CONSTANT)
+    (finding,) = [one for one in check_record(record, MOTOR) if one.severity != "note"]
+    assert finding.id == "units_temperature"
+    at_rest = f"{(sink[0] - 32.0) / 1.8:.1f}"
+    assert finding.remedy.startswith(f"Write ambient_degC = {at_rest} under [constants]")
+
+
+def test_a_constant_that_is_no_ambient_of_a_winding_at_rest_is_named():
+    rest_s = 900.0
+    later = {
+        name: np.interp(SLOW.time_s - rest_s, SLOW.time_s, SLOW[name])
+        for name in ("winding_degC", "phase_current_A", "losses_W")
+    }
+    for name in ("phase_current_A", "losses_W"):
+        later[name] = np.where(SLOW.time_s < rest_s, 0.0, later[name])
+    sink = np.full(SLOW.time_s.size, later["winding_degC"][0] - 10.0)
+    record = changed(SLOW, **later, ambient_degC=sink)
+
+    def remedy(record):
+        found = check_record(record, MOTOR)
+        return next(one.remedy for one in found if one.id == "start_not_in_equilibrium")
+
+    assert f"ambient_degC = {sink[0] + 10.0:.1f}" in remedy(replace(record, notes=OF_A_CONSTANT))
+    assert "after a soak" in remedy(record)

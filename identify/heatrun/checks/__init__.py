@@ -240,6 +240,11 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
         first = {name: column[:size] for name, column in record.channels.items()}
         part_of, row = record.part_of or record.name, record.first_row or 1
         return replace(record, channels=first, part_of=part_of, first_row=row), motor
+    if finding.id == "units_temperature":
+        channel, values = channel_of(finding), finding.values
+        zero, factor = values["zero"] or 0.0, values["factor"] or 1.0
+        degC = (np.asarray(record[channel], dtype=float) - zero) * factor
+        return replace(record, channels={**record.channels, channel: degC}), motor
     if finding.id == "load_stuck":
         held = (finding.values["from_s"] or 0.0, finding.values["to_s"] or 0.0)
         return mask(record, [*record.masks, held], ""), motor

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..io.quantities import rounded
+from ..record.derive import constants_of
 from ..record.motor import Motor
 from ..record.record import Finding, Record, Severity
 from ..record.samples import (
@@ -225,6 +226,10 @@ def _no_time(record: Record, time_s: np.ndarray) -> Finding:
     )
 
 
+RESTED_S = 600.0
+"""A winding that stands still for so long without load is as warm as what cools it [s]."""
+
+
 def start_not_in_equilibrium(record: Record, motor: Motor) -> Iterator[Finding]:
     """Warn if the machine is not at the temperature of its sink when the test begins.
 
@@ -247,7 +252,12 @@ def start_not_in_equilibrium(record: Record, motor: Motor) -> Iterator[Finding]:
     is_hot = abs(excess) > EQUILIBRIUM_K + 0.5 * step
     if not (is_hot or is_drifting):
         return
-    if any(body in record for body in STATOR):
+    rested_s = float(time_s[lead - 1] - time_s[0])
+    if sink_name in constants_of(record.notes) and not is_drifting and rested_s > RESTED_S:
+        meaning = "It stands still there, so that it is the constant that is wrong."
+        at_rest = float(np.median(winding[:lead]))
+        remedy = f"Correct it under [constants]: {sink_name} = {at_rest:.1f}."
+    elif any(body in record for body in STATOR):
         meaning = "Bodies that no sensor reads then start at an unknown temperature."
         remedy = "Start the next test after a soak."
     else:
@@ -267,7 +277,7 @@ def start_not_in_equilibrium(record: Record, motor: Motor) -> Iterator[Finding]:
         values={
             "excess_K": excess,
             "drift_K": drift,
-            "lead_s": float(time_s[lead - 1] - time_s[0]),
+            "lead_s": rested_s,
         },
     )
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ..record.derive import constants_of
 from ..record.motor import Motor
 from ..record.record import Finding, Record, Severity
 from ..record.samples import is_loaded, lead_in, place, samples, sink_channel, with_all_heat
@@ -63,11 +64,11 @@ def _finding(
 
     But for kelvin, the motor file may say that degrees Celsius are right.
     """
-    column = next((r.column for r in record.mapping if r.channel == channel), "column")
-    line = f'{channel} = "{column}'
+    column = next((r.column for r in record.mapping if r.channel == channel), "")
+    line = f'{channel} = "{column or "column"}'
     values = {"value": value}
     if isinstance(unit, float):
-        values |= {"as_degC": value / unit, "factor": 1.0 / unit}
+        values |= {"as_degC": value / unit, "zero": 0.0, "factor": 1.0 / unit}
         seen = (
             f"the winding starts at {value:.0f} °C. In units of 1/{unit:.0f} °C it would start at "
             f"{value / unit:.1f} °C, the temperature of the sink. Read in the wrong unit, every "
@@ -76,13 +77,17 @@ def _finding(
         remedy = f"Divide the column by {unit:.0f} before it is read."
     else:
         symbol = "K" if unit == "kelvin" else "degF"
-        values["as_degC"] = value - 273.15 if unit == "kelvin" else (value - 32.0) / 1.8
+        zero, factor = (273.15, 1.0) if unit == "kelvin" else (32.0, 1.0 / 1.8)
+        values |= {"as_degC": factor * (value - zero), "zero": zero, "factor": factor}
         seen = (
             f"{value:.1f} looks like {unit}, which would be {values['as_degC']:.1f} °C. Read in "
             "the wrong unit, temperature rises and copper loss would be wrong."
         )
+        is_constant = channel in constants_of(record.notes)
         remedy = f'Declare the unit in the motor file: [columns] {line} [{symbol}]".'
-    if severity == "error" and unit != "kelvin":
+        if is_constant:
+            remedy = f"Write {channel} = {values['as_degC']:.1f} under [constants]."
+    if severity == "error" and unit != "kelvin" and column:
         remedy += f' If °C is right, write {line} [degC]": then this is only a warning.'
     where = place(record, channel, from_s)
     return Finding(

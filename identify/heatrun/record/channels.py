@@ -475,8 +475,8 @@ def _phase_differs(
         return Finding(
             "sensors_differ",
             "error",
-            f"Expected phases of one winding to carry one current; {rest} read nothing where column "
-            f"'{lone}' carries current, and what flows in must flow out. The mean reads "
+            f"Expected phases of one winding to carry one current; {rest} read nothing where "
+            f"column '{lone}' carries current, and what flows in must flow out. The mean reads "
             f"{100.0 / len(names):.0f} % of the copper loss.",
             f"{where}, {channel}",
             f'Check the clamps and what they measure. To do without them: {channel} = "{lone}" '
