@@ -603,3 +603,21 @@ def test_a_constant_that_is_no_ambient_of_a_winding_at_rest_is_named():
 
     assert f"ambient_degC = {sink[0] + 10.0:.1f}" in remedy(replace(record, notes=OF_A_CONSTANT))
     assert "after a soak" in remedy(record)
+
+
+@pytest.mark.parametrize(
+    ("housing", "says", "line"),
+    [(lambda T: 22.0 + 0.5 * (T - 22.0), "the two columns are exchanged", 'winding_degC = "'),
+     (lambda T: 32.0 + 1.8 * (22.0 + 0.6 * (T - 22.0)), "the housing looks like °F", "[degF]")],
+)  # fmt: skip
+def test_a_winding_below_its_housing_all_along_is_told_by_its_cause(housing, says, line):
+    cooler = housing(SLOW["winding_degC"])
+    is_exchanged = "exchanged" in says
+    pair = (cooler, SLOW["winding_degC"]) if is_exchanged else (SLOW["winding_degC"], cooler)
+    record = changed(SLOW, winding_degC=pair[0], housing_degC=pair[1])
+    (finding,) = [one for one in check_record(record, MOTOR) if one.severity == "error"]
+    assert finding.id == "sensor_detached"
+    assert says in finding.message
+    assert line in finding.remedy
+    right = changed(SLOW, housing_degC=22.0 + 0.5 * (SLOW["winding_degC"] - 22.0))
+    assert not [one for one in check_record(right, MOTOR) if one.severity == "error"]

@@ -241,6 +241,11 @@ def _falls(time_s: np.ndarray, temperature: np.ndarray, sink: np.ndarray) -> np.
     return (excess_then > MIN_EXCESS_K) & (excess_now < (1.0 - FALL_SHARE) * excess_then)
 
 
+WHENEVER_LOADED, RISES_TOO = 0.95, 0.2
+"""Share of the loaded time [1] in which a winding reads less than its housing that stands for it,
+and its swing over the housing's [1]: that of a sensor in the air is none."""
+
+
 def sensor_detached(record: Record, motor: Motor, looked: Looked) -> Iterator[Finding]:
     """Report open-circuit readings of any temperature, and one that leaves the winding for the air.
 
@@ -309,6 +314,10 @@ def _fallen(record: Record, motor: Motor, moved: Movement | None) -> Finding | N
     if lasting.size == 0:
         return None
     below, past_it = int(first[lasting[0]]), int(past[lasting[0]])
+    loaded = is_loaded(losses)
+    is_less = float(np.mean((winding < housing + room)[loaded])) > WHENEVER_LOADED
+    if is_less and np.ptp(winding[loaded]) > RISES_TOO * np.ptp(housing[loaded]):
+        return _exchanged(record, winding, housing)
     for jump in jumps_at_once(record, motor):
         if jump.severity == "error" and (jump.values["from_s"] or 0.0) <= time_s[below]:
             return None  # that tells it
@@ -325,6 +334,29 @@ def _fallen(record: Record, motor: Motor, moved: Movement | None) -> Finding | N
         (float(time_s[begin]), float(time_s[past_it - 1]), float(time_s[until])),
         bool(above.size),
         {"below_housing_K": -least},
+    )
+
+
+def _exchanged(record: Record, winding: np.ndarray, housing: np.ndarray) -> Finding:
+    """Return the finding that winding and housing stand for each other, or in two units."""
+    columns = {one.channel: one.column for one in record.mapping}
+    names = ("winding_degC", "housing_degC")
+    lines = " and ".join(
+        f'{name} = "{columns.get(other, other)}"'
+        for name, other in zip(names, names[::-1], strict=True)
+    )
+    is_fahrenheit = abs((housing[0] - 32.0) / 1.8 - winding[0]) < BELOW_HOUSING_K
+    return Finding(
+        "sensor_detached",
+        "error",
+        "The winding reads less than its housing whenever the machine is loaded, "
+        f"{float(np.max(housing - winding)):.1f} K less at most, and both rise: "
+        + ("the housing looks like °F." if is_fahrenheit else "the two columns are exchanged."),
+        place(record, "winding_degC", *map(float, record.time_s[[0, -1]])),
+        f'Write housing_degC = "{columns.get(names[1], names[1])} [degF]" under [columns].'
+        if is_fahrenheit
+        else f"Write {lines} under [columns].",
+        values={"below_housing_K": float(np.max(housing - winding))},
     )
 
 
