@@ -81,6 +81,31 @@ def test_the_best_candidates_hold_and_are_marked(tmp_path):
     assert "2. [" not in text
 
 
+@pytest.mark.parametrize(
+    ("name", "other"), [("Time [s]", TIME_S + 90.0), ("Time_2 [s]", 0.5 * TIME_S)]
+)
+def test_of_two_clocks_none_is_chosen_in_silence(tmp_path, name, other):
+    pairs = ("Time [s]" if name == "Time [s]" else "Time_1 [s]", "Winding [°C]", name, "Irms [A]",
+             "Losses [W]", "Ambient [°C]")  # fmt: skip
+    rows = zip(TIME_S, COIL, other, CURRENT, LOSSES, ROOM, strict=True)
+    path = tmp_path / "xy.csv"
+    lines = [";".join(pairs), *(";".join(f"{value:.5g}" for value in row) for row in rows)]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    assert "time_s" not in live(accepted(path))
+    (gap,) = [one for one in gaps([survey(path)]) if one.channel == "time_s"]
+    assert not gap.is_answered
+    assert "xy.csv has two clocks that differ, 'Time" in gap.sentence
+    assert "TEMPERATURES.csv+DRIVE.csv" in gap.sentence
+
+
+def test_a_date_beside_the_seconds_is_the_same_clock(tmp_path):
+    columns = {"Timestamp A [s]": TIME_S + 86400.0, "Elapsed time B [min]": TIME_S / 60.0,
+               "Irms [A]": CURRENT}  # fmt: skip
+    path = named(tmp_path, columns)
+    assert "time_s" in live(accepted(path))
+    assert not any("two clocks" in one.sentence for one in gaps([survey(path)]))
+
+
 def test_a_draft_has_at_most_forty_lines(tmp_path):
     """More columns than lines, and a candidate among them for each channel."""
     many = {f"Sensor {n} [°C]": HOUSING + n for n in range(20)}
@@ -156,9 +181,9 @@ def test_currents_of_d_and_q_go_before_a_motor_current(tmp_path):
                "temp_mos_max": CASE, "temp_motor": COIL}  # fmt: skip
     assert live(accepted(named(tmp_path, columns))) == {
         "time_s": "ms_today [ms]",
-        "winding_degC": "temp_motor [degC]",
-        "i_d_A": "d_axis_current [A]",
-        "i_q_A": "q_axis_current [A]",
+        "winding_degC": "temp_motor",
+        "i_d_A": "d_axis_current",
+        "i_q_A": "q_axis_current",
     }
 
 
@@ -166,7 +191,7 @@ def test_a_q_current_alone_asks_for_that_of_d(tmp_path):
     columns = {"t": TIME_S, "axis0.motor.current_control.Iq_measured": CURRENT,
                "axis0.motor.motor_thermistor.temperature": COIL}  # fmt: skip
     text = accepted(named(tmp_path, columns))
-    assert live(text)["i_q_A"] == "axis0.motor.current_control.Iq_measured [A]"
+    assert live(text)["i_q_A"] == "axis0.motor.current_control.Iq_measured"
     assert "# i_d_A =    # put in the number, such as 0.0" in text
 
 
@@ -181,7 +206,7 @@ def test_what_warms_with_the_load_is_a_temperature_without_name_and_unit(tmp_pat
     noise = np.random.default_rng(4).normal(50.0, 20.0, TIME_S.size)
     columns = {"t [s]": TIME_S, "A1": noise, "A2": COIL, "A3": ROOM, "I_rms [A]": CURRENT}
     text = text_of(named(tmp_path, columns))
-    assert offered(text, "winding_degC") == ["A2 [degC]"]
+    assert offered(text, "winding_degC") == ["A2"]
 
 
 def heated(steps):
@@ -200,11 +225,11 @@ def test_what_has_neither_name_nor_unit_is_ranked_by_how_it_runs(tmp_path, steps
     columns = {"A1": TIME_S, "A2": winding, "A3": room, "A4": current, "A5": losses}
     text = accepted(named(tmp_path, columns))
     assert live(text) == {
-        "time_s": "A1 [s]",
-        "winding_degC": "A2 [degC]",
-        "ambient_degC": "A3 [degC]",
-        "phase_current_A": "A4 [A]",
-        "losses_W": "A5 [W]",
+        "time_s": "A1",
+        "winding_degC": "A2",
+        "ambient_degC": "A3",
+        "phase_current_A": "A4",
+        "losses_W": "A5",
     }
     assert text.count("please check") == 5
 
@@ -214,8 +239,8 @@ def test_a_matrix_without_names_is_ranked_so_too(tmp_path):
     rows = np.column_stack((TIME_S, winding, ROOM, current, losses))
     scipy.io.savemat(tmp_path / "log.mat", {"log": rows})
     said = live(accepted(tmp_path / "log.mat"))
-    assert said["time_s"] == "log(:,1) [s]"
-    assert said["winding_degC"] == "log(:,2) [degC]"
+    assert said["time_s"] == "log(:,1)"
+    assert said["winding_degC"] == "log(:,2)"
 
 
 def test_a_board_that_is_warmer_than_the_winding_began_is_no_room(tmp_path):
@@ -237,6 +262,19 @@ def test_the_registers_of_a_servo_controller_are_known(tmp_path):
     assert read["controller_degC"] == ("temperature", "degC")
     assert read["dc_voltage_V"] == ("voltage", "V")
     assert "ambient_degC" not in live(accepted(named(tmp_path, columns)))
+
+
+def test_a_unit_that_is_guessed_counts_as_assumed(tmp_path):
+    """The velocity of moteus is in revolutions per second, which its log does not say."""
+    columns = {"t [s]": TIME_S, "servo_stats.velocity": SPEED / 60.0, "torque_Nm": TORQUE,
+               "power_W": INPUT, "T_motor [°C]": COIL, "T_amb [°C]": ROOM}  # fmt: skip
+    path = named(tmp_path, columns)
+    text = accepted(path)
+    assert live(text)["speed_rpm"] == "servo_stats.velocity"
+    assert "no unit given; read in rpm: check the unit" in note_on(text, "servo_stats.velocity")
+    motor = parse_motor(text.encode(), "motor.toml")
+    read = {one.channel: one.unit_from for one in read_test(path, motor).mapping}
+    assert read["speed_rpm"] == "assumed"
 
 
 def test_a_voltage_over_a_current_is_the_resistance_of_the_winding(tmp_path):
@@ -356,8 +394,8 @@ def test_a_variable_of_a_mat_file_is_offered_for_the_winding(tmp_path):
     columns = {"time": TIME_S, "Irms": CURRENT, "Ploss": LOSSES, "Tamb": ROOM, "Tcu": WINDING}
     scipy.io.savemat(path, columns)
     text = text_of(path)
-    assert offered(text, "winding_degC") == ["Tcu [degC]"]
-    assert offered(text, "ambient_degC") == ["Tamb [degC]"]
+    assert offered(text, "winding_degC") == ["Tcu"]
+    assert offered(text, "ambient_degC") == ["Tamb"]
 
 
 LOGGERS = {

@@ -96,7 +96,7 @@ def _candidates(name: str, one: Survey) -> Iterator[Candidate]:
         is_held = bool(column.num_values) if name in ZERO else not column.is_silent
         if proposal is not None and is_held:
             is_assumed = all(one.unit_from == "assumed" for one in column.proposals)
-            check_unit = "; check the unit" if is_assumed else ""
+            check_unit = f"; read in {proposal.unit}: check the unit" if is_assumed else ""
             held[column.name] = Candidate(
                 proposal.line,
                 f"{column.shown()}{check_unit}",

@@ -16,9 +16,8 @@ from pathlib import Path
 from ..io.quantities import printable, printed_unit
 from ..motor.keys import WINDING
 from ..record.channels import CHANNEL, REQUIRED
-from ..record.record import ColumnReading
 from ..version import __version__
-from .free_columns import FreeColumn, flat
+from .free_columns import FreeColumn, as_assumed, flat
 from .gaps import LONGEST_LINE, Gap, found_resistance, gaps, stated_resistance
 from .survey import Survey
 
@@ -57,7 +56,7 @@ def choices(surveys: Sequence[Survey]) -> tuple[Choice, ...]:
             e.column: f"read in {printed_unit(e.unit)}" for e in recognised if e.channel == name
         }
         alike = {
-            _as_read(e): f"read as {e.channel}"
+            e.column: f"read as {e.channel}"
             for e in recognised
             if e.channel != name and CHANNEL[e.channel].quantity == CHANNEL[name].quantity
         }
@@ -78,13 +77,8 @@ def _choice_line(channel: str, column: FreeColumn) -> str:
     own = column.read_as(channel)
     if own is None and (column.unit or any(p.is_likely for p in column.proposals)):
         return ""
-    line = own.line if own else f"{column.name} [{CHANNEL[channel].unit}]"
+    line = own.line if own else as_assumed(column.name, channel, CHANNEL[channel].unit)
     return line if len(line) <= LONGEST_LINE else ""
-
-
-def _as_read(reading: ColumnReading) -> str:
-    is_assumed = reading.unit_from == "assumed"
-    return f"{reading.column} [{reading.unit}]" if is_assumed else reading.column
 
 
 def as_chosen(found: Sequence[Gap], columns: Mapping[str, str]) -> tuple[Gap, ...]:

@@ -24,6 +24,7 @@ from .free_columns import (
     Evidence,
     FreeColumn,
     Proposal,
+    as_assumed,
     in_its_unit,
     is_same,
     is_square_of,
@@ -167,7 +168,7 @@ def _as(column: FreeColumn, channel: str, unit: str, words: str, judged: str = "
 
     The words speak for that channel, or for the one that is judged by it.
     """
-    guess = Proposal(channel, f"{column.name} [{unit}]", "assumed", WEAK, unit)
+    guess = Proposal(channel, as_assumed(column.name, channel, unit), "assumed", WEAK, unit)
     return replace(column, proposals=(guess,), evidence={judged or channel: Evidence(True, words)})
 
 

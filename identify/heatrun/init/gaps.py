@@ -233,6 +233,9 @@ def _channel(name: str, wanted: Mapping[str, str], tests: Mapping[str, Sequence[
     elif not lines and not constants and not silent and name != "time_s":
         sentence += " No column has a unit or a name that speaks for it."
     best = {test: found[0] for test, found in each.items() if found and found[0].is_open}
+    clocks = next(filter(None, map(_clocks, surveys if name == "time_s" else ())), "")
+    if clocks:
+        sentence, number, best = clocks, "", {}
     sides = tuple(dict.fromkeys(one.line for one in best.values()))
     return Gap(
         name,
@@ -246,6 +249,30 @@ def _channel(name: str, wanted: Mapping[str, str], tests: Mapping[str, Sequence[
         is_of_some=len(best) < len(tests) or len(sides) > 1,
         number=number,
     )
+
+
+NUMBERED = re.compile(r" #[0-9]+$")
+"""What tells columns of one name apart."""
+
+OTHER_SPAN = 0.01
+"""Times of one clock last equally long, to this share of it [1]."""
+
+
+def _clocks(one: Survey) -> str:
+    """Return what to do where columns of a file have clocks of their own, else an empty text."""
+    found = [each for each in ranked("time_s", candidates("time_s", [one]))
+             if each.is_open and each.is_likely and each.course]  # fmt: skip
+    for other in found[1:]:
+        first, second = (NUMBERED.sub("", each.columns[0]) for each in (found[0], other))
+        if first == second or abs(other.move - found[0].move) > OTHER_SPAN * found[0].move:
+            names = f"'{flat(found[0].columns[0])}' and '{flat(other.columns[0])}'"
+            return printable(
+                f"{one.file} has two clocks that differ, {names}: save the columns of each as a "
+                "file of its own and join them, heatrun check motor.toml "
+                f"TEMPERATURES.csv+DRIVE.csv; if one is that of all columns: time_s = "
+                f'"{flat(found[0].line)}".'
+            )
+    return ""
 
 
 def _why(name: str, formula: str) -> str:

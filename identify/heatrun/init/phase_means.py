@@ -156,14 +156,11 @@ def phase_means(
 def _lines(three: Sequence[Sensor], table: Table) -> Iterator[str]:
     """Yield the lines that may read a mean, the one that is easiest to read first."""
     many = Counter(name for column in table.columns for name in {column.label, column.name})
-    labels, names, proposals = zip(
-        *((one.column.label, one.column.name, one.as_read) for one in three), strict=True
-    )
-    known = {one.unit_from for one in proposals}
-    if known == {"stated"} and all(many[label] == 1 for label in labels):
+    labels, proposals = zip(*((one.column.label, one.as_read) for one in three), strict=True)
+    if {one.unit_from for one in proposals} == {"stated"} and all(
+        many[label] == 1 for label in labels
+    ):
         yield f"mean({', '.join(labels)})"
-    if known == {"assumed"}:
-        yield f"mean({', '.join(names)}) [{proposals[0].unit}]"
     yield f"mean({', '.join(one.line for one in proposals)})"
 
 
