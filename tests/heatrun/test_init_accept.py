@@ -143,6 +143,34 @@ def test_the_power_beside_three_currents_is_the_input(tmp_path, power):
     assert "# mechanical_power_W =" in text
 
 
+@pytest.mark.parametrize(
+    ("goes_in", "comes_out"),
+    [("P in [kW]", "P out [kW]"), ("Puissance absorbée [W]", "Puissance utile [W]"),
+     ("Potenza assorbita [W]", "Potenza resa [W]"), ("P_zu [W]", "Nutzleistung [W]"),
+     ("Potencia absorbida [W]", "Potencia útil [W]"), ("Moc pobrana [W]", "Moc oddana [W]")],
+)  # fmt: skip
+def test_what_a_motor_delivers_is_the_power_at_the_shaft(tmp_path, goes_in, comes_out):
+    columns = {"t [s]": TIME_S, goes_in: INPUT, comes_out: SHAFT, "T_Mot [°C]": COIL}
+    columns |= {f"Irms{n}[A]": (1.0 + 0.002 * n) * CURRENT for n in (1, 2, 3)}
+    path = named(tmp_path, columns)
+    read = {one.channel: one.column for one in survey(path).recognised}
+    assert (read | live(accepted(path)))["mechanical_power_W"] == comes_out
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("Kanal 7 [W]", "Perhaps it is 'Kanal 7 [W]'. Write 0 only where the rotor stands."),
+     ("SHAFT POWER (HP)", "Column 'SHAFT POWER (HP)' speaks of it, but mechanical_power_W is not")],
+)  # fmt: skip
+def test_a_power_that_nothing_claims_is_named_before_a_rotor_that_stands(tmp_path, name, said):
+    columns = {"t [s]": TIME_S, "P_in [W]": INPUT, name: SHAFT, "T_Mot [°C]": COIL,
+               "I_rms [A]": CURRENT, "T_a [°C]": ROOM}  # fmt: skip
+    path = named(tmp_path, columns)
+    (gap,) = [one for one in gaps([survey(path)]) if one.channel == "mechanical_power_W"]
+    assert said in gap.sentence
+    assert "mechanical_power_W" not in live(accepted(path))
+
+
 def test_a_direct_current_is_no_reason_to_write_that_none_heats(tmp_path):
     columns = {"t [s]": TIME_S, "U_dc [V]": 0.1 * CURRENT, "I_dc [A]": CURRENT, "T_Mot [°C]": COIL,
                "T_a [°C]": ROOM}  # fmt: skip

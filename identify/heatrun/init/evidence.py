@@ -278,7 +278,7 @@ def _of_analyser(column: FreeColumn) -> FreeColumn:
     words = "is a plain power beside the currents of three phases: the input, not the losses"
     goes_in = Evidence(True, words, is_alone=True)
     said = {"losses_W": Evidence(False, words), "electrical_power_W": goes_in}
-    is_plain = said.keys() <= plain and not column.evidence
+    is_plain = len(plain) == len(column.proposals) and said.keys() <= plain and not column.evidence
     return replace(column, evidence=said) if is_plain else column
 
 

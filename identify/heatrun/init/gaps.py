@@ -228,8 +228,12 @@ def _channel(name: str, wanted: Mapping[str, str], tests: Mapping[str, Sequence[
         further, number = _without_current(surveys)
         sentence += further
     if not any(one.is_likely for one in firsts) and name in ZERO and formula:
-        number, lines, each = "0.0", {}, {}
-        sentence += f" No column holds it: 0 {ZERO[name]}."
+        lines = {line: note for line, note in lines.items() if name in AT_REST}
+        number, each = "0.0", {}
+        names = " or ".join(f"'{flat(line)}'" for line in lines)
+        told = (*_refused(name, surveys), *([f"Perhaps it is {names}."] if names else []))
+        rest = f"Write 0 only {ZERO[name]}." if told else f"No column holds it: 0 {ZERO[name]}."
+        sentence = " ".join((sentence, *told, rest))
     elif not lines and not constants and not silent and name != "time_s":
         sentence += " No column has a unit or a name that speaks for it."
     best = {test: found[0] for test, found in each.items() if found and found[0].is_open}
@@ -312,6 +316,13 @@ def _of_tests(
         if read is not None and own is not None and read != own:
             found |= {name_of_test(Path(one.path)): own for one in files}
     return found
+
+
+def _refused(name: str, surveys: Sequence[Survey]) -> Iterator[str]:
+    """Yield a sentence for each column that speaks of the channel in a unit that is not read."""
+    for one in (column for each in surveys for column in each.free):
+        if one.remark.startswith(f"{name} ") and not one.is_silent:
+            yield f"Column '{flat(one.name)}' speaks of it, but {one.remark}: convert it first."
 
 
 def _silent(name: str, one: Survey) -> Iterator[str]:

@@ -70,7 +70,7 @@ MEANINGS: dict[str, str] = {
     "glykol oil ol oel olio huile aceite 冷却 冷却水 冷却液 水 水温 水溫 油 油温",
     "inlet": "in inlet vorlauf entree ingresso entrada eintritt mandata 入口 进水 进口",
     "outlet": "out outlet output rucklauf ruecklauf ritorno retour retorno sortie uscita salida "
-    "austritt ausgang ausgangs 出口 出水 出力 输出",
+    "austritt ausgang ausgangs erogata 出口 出水 出力 输出",
     "housing": "housing gehause gehaeuse geh frame case casing carcassa cassa carter carcasse "
     "carcasa hsg jacket mantel body surface oberflache oberflaeche ハウジング フレーム 筐体 ケース "
     "机壳 机座 外壳 壳体 機殻",
@@ -96,7 +96,8 @@ MEANINGS: dict[str, str] = {
     "input": "in input eingang eingangs aufgenommen aufgenommene aufnahme assorbita absorbee "
     "absorbida entrada ingresso pobrana pobierana 入力 输入",
     "mechanical": "mech mechanical mechanisch mechanische meccanica meccanico mecanique mecanica "
-    "shaft welle wellen albero arbre abgabe abgegeben abgegebene 機械 机械 軸 轴",
+    "shaft welle wellen albero arbre abgabe abgegeben abgegebene nutz useful utile util resa "
+    "oddana oddawana uzyteczna 機械 机械 軸 轴",
     "direct": "dc bus vbus batt battery bat batterie batteria bateria link zwischenkreis zk supply "
     "netzteil versorgung 直流 母线 電池 电池 バッテリ",
     "loss": "loss losses verlust verluste perdita perdite perte pertes perdida perdidas dissip "
