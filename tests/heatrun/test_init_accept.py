@@ -171,6 +171,29 @@ def test_a_power_that_nothing_claims_is_named_before_a_rotor_that_stands(tmp_pat
     assert "mechanical_power_W" not in live(accepted(path))
 
 
+@pytest.mark.parametrize("names", ["P-{} [W]", "P{} [kW]"])
+def test_three_wattmeters_beside_three_currents_are_summed(tmp_path, names):
+    columns = NAMES | {"T_Mot [°C]": COIL, "T_a [°C]": ROOM}
+    share = 1e-3 if "kW" in names else 1.0
+    columns |= {names.format(n): share * INPUT * (0.32 + 0.01 * n) for n in (1, 2)}
+    columns |= {names.format(3): share * INPUT * 0.35}
+    columns |= {f"Irms-{n} [A]": (1.0 + 0.002 * n) * CURRENT for n in (1, 2, 3)}
+    path = named(tmp_path, columns)
+    text = accepted(path)
+    label = names.partition(" ")[0]
+    summed = f"sum({', '.join(label.format(n) for n in (1, 2, 3))})"
+    assert live(text)["electrical_power_W"] == summed
+    record = read_test(path, parse_motor(text.encode(), "motor.toml"))
+    np.testing.assert_allclose(record["electrical_power_W"], 1.02 * INPUT, rtol=1e-3)
+
+
+def test_three_powers_in_a_row_are_no_phases(tmp_path):
+    """Source, inverter and shaft: close to each other, and of one current."""
+    columns = NAMES | {f"P{n} [W]": INPUT * (1.05 - 0.02 * n) for n in (1, 2, 3)}
+    path = named(tmp_path, columns | {"Irms [A]": CURRENT, "T_Mot [°C]": COIL, "T_a [°C]": ROOM})
+    assert "sum(" not in accepted(path)
+
+
 def test_a_direct_current_is_no_reason_to_write_that_none_heats(tmp_path):
     columns = {"t [s]": TIME_S, "U_dc [V]": 0.1 * CURRENT, "I_dc [A]": CURRENT, "T_Mot [°C]": COIL,
                "T_a [°C]": ROOM}  # fmt: skip

@@ -173,6 +173,9 @@ COMBINED = {
     "the mean current is that of the heat": (
         THREE, "phase_current_A = 'mean(I_U, I_V, I_W)'",
         np.full(SECONDS.size, np.sqrt(5000.0 / 3.0))),
+    "three wattmeters make one power": (
+        {"P1 [W]": 100.0 * U, "P2 [kW]": 0.1 * V, "P3 [W]": 100.0 * W},
+        "electrical_power_W = 'sum(P1, P2, P3)'", 100.0 * (U + V + W)),
     "a sensor without a reading leaves none of the mean": (
         {"T_U": U, "T_V": GONE}, "winding_degC = 'mean(T_U, T_V) [degC]'", (U + GONE) / 2.0),
     "a column of that name is the column": (
@@ -205,6 +208,7 @@ def test_a_sensor_that_departs_from_the_others_is_told(tmp_path):
         ('winding_degC = "mean(T_U, T_U)"', "one column twice"),
         ('losses_W = "mean(T_U, T_V)"', "Expected one column for losses_W"),
         ('phase_current_A = "hottest(T_U, T_V)"', "Expected one column"),
+        ('winding_degC = "sum(T_U, T_V)"', "Expected one column"),
     ],
 )
 def test_what_cannot_be_combined_is_refused(tmp_path, line, said):

@@ -9,7 +9,7 @@ from ..readers.likely_names import LIKELY, SURE
 from ..record.channels import REQUIRED
 from ..record.motor import COEFFICIENTS_degC
 from .free_columns import Course, Evidence, FreeColumn, Proposal
-from .phase_means import PhaseMean
+from .phase_means import MADE_OF_PHASES, PhaseMean
 from .survey import Survey
 
 LEAST_MOVE_K = 5.0
@@ -69,7 +69,7 @@ class Candidate:
 
     @property
     def is_mean(self) -> bool:
-        """It is the mean of the sensors of three phases."""
+        """It is the mean of the sensors of three phases, or their sum."""
         return len(self.columns) > 1
 
     @property
@@ -131,6 +131,9 @@ def proposal_of(name: str, column: FreeColumn) -> Proposal | None:
     return None
 
 
+OF_PHASES = Evidence(True, "three wattmeters beside three currents", is_alone=True)
+
+
 def _mean(mean: PhaseMean, held: Mapping[str, Candidate]) -> Candidate:
     parts = [held[name] for name in mean.columns]
     return Candidate(
@@ -140,6 +143,7 @@ def _mean(mean: PhaseMean, held: Mapping[str, Candidate]) -> Candidate:
         any(part.is_assumed for part in parts),
         max(parts, key=lambda part: part.move).course,
         mean.columns,
+        evidence=OF_PHASES if MADE_OF_PHASES[mean.channel] == "sum" else None,
     )
 
 

@@ -240,7 +240,7 @@ def _unit_left(claim: Claim, column: Column) -> str | None:
 def _add_combined(
     mapping: MappedColumns, claim: Claim, pool: Iterable[Column], table: Table, is_part: bool
 ) -> None:
-    """Take the mean or the hottest of several columns for a channel."""
+    """Take the mean, the hottest or the sum of several columns for a channel."""
     pool = tuple(pool)
     found = [_claimed(part, pool, table, mapping.where, is_part) for part in claim.parts]
     columns = [column for column in found if column is not None]
