@@ -194,6 +194,34 @@ def test_three_powers_in_a_row_are_no_phases(tmp_path):
     assert "sum(" not in accepted(path)
 
 
+@pytest.mark.parametrize("machines", ["M1_{} M2_{}", "Motor A {}/Motor B {}", "EM1.{} EM2.{}",
+                                      "{}_M1 {}_M2"])  # fmt: skip
+def test_of_two_machines_in_a_file_one_is_drafted(tmp_path, machines, capsys):
+    """The second one is warmer and draws more, by which its columns would go first."""
+    first, second = machines.split("/" if "/" in machines else " ")
+    columns = {"t [s]": TIME_S, "T_amb [°C]": ROOM}
+    for place, name in enumerate((second, first)):
+        columns |= {name.format("Twdg") + " [°C]": COIL + 9.0 - 9.0 * place,
+                    name.format("Irms") + " [A]": CURRENT * (1.1 - 0.1 * place),
+                    name.format("Ploss") + " [W]": LOSSES}  # fmt: skip
+    path = named(tmp_path, columns)
+    text = accepted(path)
+    assert {channel: live(text).get(channel) for channel in ("winding_degC", "losses_W")} == {
+        "winding_degC": first.format("Twdg") + " [°C]",
+        "losses_W": first.format("Ploss") + " [W]",
+    }
+    assert live(text)["phase_current_A"] == first.format("Irms") + " [A]"
+    assert "Open: Columns of two machines" in text
+    assert cli.main(["init", str(path), "--out", str(tmp_path / "m.toml")]) == 0
+    assert "Columns of two machines" in capsys.readouterr().err
+
+
+def test_two_sensors_of_each_kind_are_no_two_machines(tmp_path):
+    columns = {"t [s]": TIME_S, "T_1 [°C]": COIL, "T_2 [°C]": CASE, "I_1 [A]": CURRENT,
+               "I_2 [A]": CURRENT, "I_3 [A]": CURRENT}  # fmt: skip
+    assert "two machines" not in text_of(named(tmp_path, columns))
+
+
 def test_a_direct_current_is_no_reason_to_write_that_none_heats(tmp_path):
     columns = {"t [s]": TIME_S, "U_dc [V]": 0.1 * CURRENT, "I_dc [A]": CURRENT, "T_Mot [°C]": COIL,
                "T_a [°C]": ROOM}  # fmt: skip

@@ -1,4 +1,4 @@
-"""Sensors of the three phases, and their mean or sum as a line of `[columns]` for `heatrun init` to offer.
+"""Sensors of the three phases, and their mean or sum as a line of `[columns]` for `init` to offer.
 
 The names are alike but for one sign, U, V and W, or 1, 2 and 3. T_U, T_V and T_W may also be room,
 inlet and winding, and T1 to T3 anything, so the values decide: sensors of one winding stay within a
@@ -143,6 +143,7 @@ def phase_means(
         for one in free:
             column, as_read = columns.get(one.name), one.read_as(channel)
             is_others = any(other.is_likely for other in one.proposals)
+            is_others |= channel in one.evidence and not one.evidence[channel].speaks
             if column and as_read and not one.is_silent and (as_read.is_likely or not is_others):
                 sensors.append(Sensor(column, as_read, in_its_unit(values[id(column)], as_read)))
         for three in islice(_phases(sensors, CHANNEL[channel].quantity), MOST_MEANS):

@@ -406,7 +406,8 @@ def combine(channel: str, how: str, parts: Sequence[np.ndarray]) -> np.ndarray:
 
     Args:
         channel: Canonical name.
-        how: `"mean"`, `"hottest"` or `"sum"`; of currents the mean is that of the squares, as heat is.
+        how: `"mean"`, `"hottest"` or `"sum"`; of currents the mean is that of the squares, as heat
+            is.
         parts: In the channel's unit, shape (time,) each.
     """
     stacked = np.stack(parts)
