@@ -356,6 +356,22 @@ def test_a_unit_that_is_guessed_counts_as_assumed(tmp_path):
     assert read["speed_rpm"] == "assumed"
 
 
+def test_an_axis_and_its_unit_are_a_current_of_the_field(tmp_path):
+    columns = {"t [s]": TIME_S, "servo_stats.d_A": 0.0 * CURRENT - 2.0, "servo_stats.q_A": CURRENT,
+               "servo_stats.power_W": INPUT, "T_motor [°C]": COIL, "T_amb [°C]": ROOM}  # fmt: skip
+    said = live(accepted(named(tmp_path, columns | NAMES)))
+    assert (said["i_d_A"], said["i_q_A"]) == ("servo_stats.d_A", "servo_stats.q_A")
+    assert "phase_current_A" not in said
+
+
+def test_the_throttle_of_a_cycle_analyst_is_no_room(tmp_path):
+    columns = {"V": 48.0 + LOAD, "A": CURRENT, "Deg": COIL, "RPM": SPEED, "Nm": TORQUE,
+               "ThI": 0.82 + 2.0 * LOAD, "ThO": 2.1 + LOAD}  # fmt: skip
+    text = text_of(named(tmp_path, columns))
+    assert offered(text, "ambient_degC") == []
+    assert offered(text, "winding_degC") == ["Deg"]
+
+
 def test_a_voltage_over_a_current_is_the_resistance_of_the_winding(tmp_path):
     ohm = 0.1 * (234.5 + WINDING) / 256.5
     columns = {"t [s]": TIME_S, "Resistance": ohm, "T_room [degC]": ROOM}

@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..io.quantities import printable
 from ..readers.clock import parse_time_format, read_stated
 from ..readers.labels import named_unit, speaks_of
-from ..readers.likely_names import LIKELY, NOT_THE_SHAFTS, read_name
+from ..readers.likely_names import LIKELY, NOT_THE_SHAFTS, QUANTITY, read_name
 from ..readers.mapping import statements, unit_of
 from ..record.by_resistance import quotient
 from ..record.channels import CHANNEL
@@ -391,9 +391,8 @@ def _proposals(column: Column, where: str) -> list[Proposal]:
     found = []
     stated = statements(column)
     for channel in CHANNEL.values():
-        score = speaks_of(column.label, channel.quantity, stated[0].text if stated else None).get(
-            channel.name, 0
-        )
+        unit = stated[0].text if stated else _unit_of_axis(column.label, channel.quantity)
+        score = speaks_of(column.label, channel.quantity, unit).get(channel.name, 0)
         try:
             text, unit_from = unit_of(column, channel, where)
             line = column.name if text else as_assumed(column.name, channel.name, channel.unit)
@@ -414,6 +413,13 @@ def _proposals(column: Column, where: str) -> list[Proposal]:
         symbol = unit.symbol if unit else channel.unit
         found.append(Proposal(channel.name, line, unit_from, score, symbol))
     return sorted(found, key=lambda one: -one.score)
+
+
+def _unit_of_axis(label: str, quantity: str) -> str | None:
+    """Return the unit in the name of an axis and no more, as A in "q_A": it says of what."""
+    named = named_unit(label, quantity)
+    said = read_name(named.stem).meanings if named and named.stem else frozenset()
+    return named.unit if named and said & {"d", "q"} and not said & QUANTITY.keys() else None
 
 
 def in_its_unit(values: np.ndarray, one: Proposal | ColumnReading) -> np.ndarray:

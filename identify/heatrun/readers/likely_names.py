@@ -134,8 +134,10 @@ SYMBOLS = {
 }
 """Symbols of formulas to what they stand for; words say it before them."""
 
-UNITS_ALONE = {"V": "voltage direct", "A": "current direct", "Nm": "torque"}
-"""Names that are a unit and no more: meters of a battery, such as the Cycle Analyst, write so."""
+UNITS_ALONE = {"V": "voltage direct", "A": "current direct", "Nm": "torque",
+               "ThI": "bookkeeping", "ThO": "bookkeeping"}  # fmt: skip
+"""Names that are a unit and no more: meters of a battery, such as the Cycle Analyst, write so; its
+throttle in and out are no temperatures."""
 
 SUBSCRIPTS = {
     **{"w": "winding_short", "e": "ambient_short", "a": "ambient_short", "0": "ambient_short"},
