@@ -372,6 +372,34 @@ def test_the_throttle_of_a_cycle_analyst_is_no_room(tmp_path):
     assert offered(text, "winding_degC") == ["Deg"]
 
 
+@pytest.mark.parametrize(
+    "name", ["Rotação [rpm]", "Toerental [rpm]", "Varvtal [1/min]", "n1 [rpm]"]
+)
+def test_the_speed_holds_beside_losses_too(tmp_path, name):
+    """The fan of an enclosed motor cools by it."""
+    columns = {"t [s]": TIME_S, "Irms [A]": CURRENT, "P_V [W]": LOSSES, "T_cu [°C]": COIL,
+               "T_amb [°C]": ROOM, name: SPEED, "n2 set": SPEED}  # fmt: skip
+    path = named(tmp_path, columns)
+    read = {one.channel: one.column for one in survey(path).recognised}
+    assert (read | live(accepted(path)))["speed_rpm"] == name
+
+
+def test_a_machine_with_coolant_and_no_room_takes_it_as_the_sink(tmp_path):
+    columns = {"Zeit [s]": TIME_S, "EM_T_Wickelkopf_max [°C]": COIL + 43.0,
+               "KW_T_Vorlauf [°C]": 65.0 + 0.01 * ROOM, "HV_U [V]": 350.0 + LOAD,
+               "HV_I [A]": INPUT / 350.0, "EM_n [1/min]": SPEED, "EM_M_ist [Nm]": TORQUE,
+               "EM_I_eff [A]": CURRENT}  # fmt: skip
+    path = named(tmp_path, columns)
+    assert [gap.channel for gap in gaps([survey(path)]) if not gap.is_answered] == [""]
+    motor = parse_motor(accepted(path).encode(), "motor.toml")
+    assert motor.sink == "coolant"
+    assert motor.columns["coolant_degC"] == "KW_T_Vorlauf [°C]"
+    assert motor.columns["winding_degC"] == "EM_T_Wickelkopf_max [°C]"
+    record = read_test(path, motor)
+    assert {"losses_W", "phase_current_A"} <= record.channels.keys()
+    assert 'sink = "coolant"' not in accepted(named(tmp_path, columns | {"T_amb [°C]": ROOM}))
+
+
 def test_a_voltage_over_a_current_is_the_resistance_of_the_winding(tmp_path):
     ohm = 0.1 * (234.5 + WINDING) / 256.5
     columns = {"t [s]": TIME_S, "Resistance": ohm, "T_room [degC]": ROOM}

@@ -112,6 +112,11 @@ def _candidates(name: str, one: Survey) -> Iterator[Candidate]:
         if each.channel == "end_winding_degC":
             note = "recognised as end_winding_degC, a part of the winding"
             yield Candidate(each.column, note, LIKELY, False, None, (each.column,))
+    for column in one.free if name == "winding_degC" else ():
+        end = column.read_as("end_winding_degC")
+        if end is not None and end.is_likely and not column.is_silent:
+            note = f"{column.shown()}; the end winding by its name, a part of the winding"
+            yield Candidate(end.line, note, LIKELY, False, None, (column.name,))
 
 
 def proposal_of(name: str, column: FreeColumn) -> Proposal | None:

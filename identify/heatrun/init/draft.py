@@ -18,7 +18,14 @@ from ..motor.keys import WINDING
 from ..record.channels import CHANNEL, REQUIRED
 from ..version import __version__
 from .free_columns import FreeColumn, as_assumed, flat
-from .gaps import LONGEST_LINE, Gap, found_resistance, gaps, stated_resistance
+from .gaps import (
+    LONGEST_LINE,
+    Gap,
+    found_resistance,
+    gaps,
+    is_cooled_by_liquid,
+    stated_resistance,
+)
 from .survey import Survey
 
 NONE = "none"
@@ -147,13 +154,16 @@ def draft(
     if direct:
         words = f"'{flat(direct[0].name)}' is that of one winding under direct current"
         motor.append(_value("phases", "1", words, mark))
+    said = {*numbers, *(columns or {})}
+    if is_cooled_by_liquid(surveys) and "ambient_degC" not in said:
+        motor.append(_value("sink", '"coolant"', "no column is the room's", mark))
     winding = ["", "[winding]", *_winding(surveys, missing, mark)]
     constants = ["", "[constants]", *_constants(missing, mark)]
     recognised = ["", "[columns]", *_remarks(surveys)]
     overrides = _overrides(missing, mark)
     fixed = (*head, *motor, *winding, *recognised, *constants, *overrides)
     shown = {side for gap in missing for side, _ in gap.candidates}
-    free = _free(surveys, {gap.channel for gap in missing}, shown)
+    free = _free(surveys, {gap.channel for gap in missing}, shown, mark)
     left = MOST_LINES - len(fixed)
     offered = _offered(missing, mark, left - min(len(free), LEAST_FREE))
     left -= len(offered)
@@ -282,13 +292,14 @@ def _offered(missing: Sequence[Gap], mark: str, most: int) -> list[str]:
     return [line for lines in rows for line in lines if line in turn]
 
 
-def _free(surveys: Sequence[Survey], missing: Set[str], shown: Set[str]) -> list[str]:
+def _free(surveys: Sequence[Survey], missing: Set[str], shown: Set[str], mark: str) -> list[str]:
     """Return the columns that no channel claims, with a line for what each may be.
 
     Args:
         surveys: What the files hold.
         missing: Channels whose candidates stand above.
         shown: Right-hand sides that stand above.
+        mark: What stands before a line that holds: that of the speed, by which a fan cools.
     """
     lines = []
     settled = {channel for one in surveys for channel in one.channels} | missing
@@ -299,7 +310,11 @@ def _free(surveys: Sequence[Survey], missing: Set[str], shown: Set[str]) -> list
             likely = [p for p in column.proposals if p.is_likely and p.channel not in settled]
             if likely and not column.is_silent and len(likely[0].line) <= LONGEST_LINE:
                 best = likely[0]
-                lines.append(_line(best.channel, toml_text(best.line), column.shown(), "# "))
+                side = toml_text(best.line) if len(surveys) == 1 else f"[{toml_text(best.line)}]"
+                is_speed = best.channel == "speed_rpm"
+                settled |= {best.channel} if is_speed else set()
+                own_mark = mark if is_speed else "# "
+                lines.append(_line(best.channel, side, column.shown(), own_mark))
             else:
                 lines.append(_comment(f"  {flat(column.name)}: {column.shown()}"))
     return lines and ["# No channel claims:", *lines]

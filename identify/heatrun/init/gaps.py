@@ -39,6 +39,8 @@ WHY = {
     "stands, speed_rpm = 0 under [constants]).",
     "ambient_degC": "heat flows by the difference to it. Name its column, or write its mean under "
     '[constants]; a liquid-cooled machine takes sink = "coolant" under [motor].',
+    "coolant_degC": "no column is the room's, so that the coolant is what the heat flows to: "
+    'sink = "coolant" under [motor].',
     "winding_degC": "it is what the network is fitted to. The winding's resistance in ohm will do.",
 }
 """Why a channel that a calibration needs matters."""
@@ -120,11 +122,27 @@ def gaps(surveys: Sequence[Survey]) -> tuple[Gap, ...]:
         for name in REQUIRED:
             for need, formula in _needed(name, files, have) if name not in have else ():
                 wanted.setdefault(need, {})[test] = formula
+    if is_cooled_by_liquid(surveys):
+        lacking = wanted.pop("ambient_degC", {})
+        lacking = {test: "" for test in lacking if not _has("coolant_degC", tests[test])}
+        wanted |= {"coolant_degC": lacking} if lacking else {}
     has_no_copper_loss = "phase_current_A" in _zeros(surveys) - somewhere
     is_told = bool(found_resistance(surveys))
     keys = () if is_told else (_resistance(surveys, is_zero=has_no_copper_loss),)
     order = dict.fromkeys((*REQUIRED, *CHANNEL))
     return (*keys, *(_channel(name, wanted[name], tests) for name in order if name in wanted))
+
+
+def _has(name: str, files: Sequence[Survey]) -> bool:
+    return any(name in one.channels for one in files)
+
+
+def is_cooled_by_liquid(surveys: Sequence[Survey]) -> bool:
+    """Return whether the sink is a coolant: each file of a test may tell it, and none the room."""
+    found = [one for one in candidates("coolant_degC", surveys) if one.is_likely]
+    is_told = bool(found) or _has("coolant_degC", surveys)
+    room = _best("ambient_degC", surveys) or _constants("ambient_degC", surveys)
+    return is_told and not room and not _has("ambient_degC", surveys)
 
 
 def _zeros(surveys: Sequence[Survey]) -> set[str]:

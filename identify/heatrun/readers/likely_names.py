@@ -33,7 +33,8 @@ MEANINGS: dict[str, str] = {
     "voltage": "voltage volt volts spannung tensione tension voltaje 電圧 电压 電壓",
     "power": "power pwr watt watts leistung potenza puissance potencia moc psum 電力 功率",
     "speed": "speed spd drehzahl drehz velocita vitesse velocidad velocity vel rpm omega giri "
-    "tours regime revs predkosc obr geschwindigkeit 回転数 回転速度 转速 轉速 速度",
+    "tours regime revs predkosc obr obroty obrotowa rotacao varvtal toerental otacky "
+    "geschwindigkeit 回転数 回転速度 转速 轉速 速度",
     "torque": "torque torq trq tq drehmoment drehmom moment coppia couple par momento トルク "
     "转矩 扭矩 轉矩",
     "flow": "flow durchfluss durchfl volumenstrom portata debit caudal 流量",
@@ -98,8 +99,8 @@ MEANINGS: dict[str, str] = {
     "mechanical": "mech mechanical mechanisch mechanische meccanica meccanico mecanique mecanica "
     "shaft welle wellen albero arbre abgabe abgegeben abgegebene nutz useful utile util resa "
     "oddana oddawana uzyteczna 機械 机械 軸 轴",
-    "direct": "dc bus vbus batt battery bat batterie batteria bateria link zwischenkreis zk supply "
-    "netzteil versorgung 直流 母线 電池 电池 バッテリ",
+    "direct": "dc hv bus vbus batt battery bat batterie batteria bateria link zwischenkreis zk "
+    "supply netzteil versorgung 直流 母线 電池 电池 バッテリ",
     "loss": "loss losses verlust verluste perdita perdite perte pertes perdida perdidas dissip "
     "dissipation dissipated verl perd straty strat 損失 损耗 损失 損耗",
     "part": "iron eisen ferro fer fe copper kupfer cu rame cuivre friction reibung",
