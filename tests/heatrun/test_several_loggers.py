@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -214,6 +216,24 @@ def test_a_sensor_that_departs_from_the_others_is_told(tmp_path):
 def test_what_cannot_be_combined_is_refused(tmp_path, line, said):
     with pytest.raises(InputError, match=said):
         read(tmp_path, {"T_U": U, "T_V": V}, line)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ('time_s = "rate 10"', '"rate 10 Hz"'),
+        ('time_s = "rate 30 /min"', '"rate 0.5 Hz"'),
+        ('winding_degC = "max(T_U, T_V)"', r"hottest\(…\), of temperatures"),
+        ('losses_W = "P_el - P_mech"', "name both powers, electrical_power_W"),
+        ('phase_current_A = "I * 0.5"', 'phase_current_A = "COLUMN \\[UNIT\\]"'),
+        ('winding_degC = "T_Q"', "not have. Did you mean|does not have"),
+    ],
+)
+def test_what_a_line_cannot_compute_is_told_how_to_write_it(tmp_path, line, said):
+    with pytest.raises(InputError, match="which the file does not have") as caught:
+        read(tmp_path, {"T_U": U, "T_V": V, "P_el": U, "P_mech": V, "I": U}, line)
+    assert re.search(said, str(caught.value))
+    assert ("computes nothing" in str(caught.value)) == (" - " in line or "*" in line)
 
 
 def of_measurement_file(tmp_path, fast):

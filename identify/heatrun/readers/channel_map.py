@@ -17,6 +17,7 @@ from ..record.channels import (
     Claim,
     ColumnMap,
     Columns,
+    instead_of,
     parse_claims,
 )
 from ..record.header import read_heading
@@ -183,7 +184,7 @@ def _claimed(
         f"[columns] names '{claim.text}' for {claim.channel}, which the file does not have. "
         f"{did_you_mean(claim.label, [*names, *labels])}".strip(),
         where=where,
-        remedy=f"Columns are: {', '.join(names)}.",
+        remedy=f"{instead_of(claim)} Columns are: {', '.join(names)}.".strip(),
     )
 
 

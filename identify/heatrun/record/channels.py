@@ -633,6 +633,39 @@ def _claim(channel: str, text: str, where: str) -> Claim:
     return Claim(channel, text.strip(), label, unit, *pair)
 
 
+CALL = re.compile(r"[^\W\d]\w*\s*\(.*\)(?:\s*\[[^\[\]]+\])?", re.DOTALL)
+DIFFERENCE = re.compile(r"\s[-\u2212]\s")
+ARITHMETIC = re.compile(r"\s[-+*/\u2212\u00d7]\s|[*\u00d7]")
+
+
+def instead_of(claim: Claim) -> str:
+    """Return how to write what a line of `[columns]` asks for, where it is no column but looks like
+    a rate, a function or a formula; else an empty text.
+
+    Args:
+        claim: The line, whose column no file has.
+    """
+    text = claim.text
+    if claim.channel == "time_s" and re.match(r"rate\b", text, re.IGNORECASE):
+        return 'A rate is stated in hertz: time_s = "rate 10 Hz"; 30 a minute are "rate 0.5 Hz".'
+    if CALL.fullmatch(text):
+        return (
+            "Several columns are combined by mean(…), of temperatures, resistances and phase "
+            "currents, hottest(…), of temperatures, or sum(…), of powers, and by nothing else."
+        )
+    if claim.channel == "losses_W" and DIFFERENCE.search(text):
+        return (
+            "[columns] computes nothing: name both powers, electrical_power_W = … and "
+            "mechanical_power_W = …, and the losses are their difference."
+        )
+    if ARITHMETIC.search(text):
+        return (
+            "[columns] computes nothing: state the unit of the column, as in "
+            f'{claim.channel} = "COLUMN [UNIT]", or compute a column of its own in the file.'
+        )
+    return ""
+
+
 def _rate(text: str, where: str) -> float:
     try:
         return positive_rate(float(text), f"{where}, [columns] time_s")
