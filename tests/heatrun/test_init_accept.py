@@ -160,7 +160,7 @@ def test_what_a_motor_delivers_is_the_power_at_the_shaft(tmp_path, goes_in, come
 @pytest.mark.parametrize(
     ("name", "said"),
     [("Kanal 7 [W]", "Perhaps it is 'Kanal 7 [W]'. Write 0 only where the rotor stands."),
-     ("SHAFT POWER (HP)", "Column 'SHAFT POWER (HP)' speaks of it, but mechanical_power_W is not")],
+     ("SHAFT POWER (HP)", "Column 'SHAFT POWER (HP)' would be it, but mechanical_power_W is not")],
 )  # fmt: skip
 def test_a_power_that_nothing_claims_is_named_before_a_rotor_that_stands(tmp_path, name, said):
     columns = {"t [s]": TIME_S, "P_in [W]": INPUT, name: SHAFT, "T_Mot [°C]": COIL,

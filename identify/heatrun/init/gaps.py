@@ -340,7 +340,7 @@ def _refused(name: str, surveys: Sequence[Survey]) -> Iterator[str]:
     """Yield a sentence for each column that speaks of the channel in a unit that is not read."""
     for one in (column for each in surveys for column in each.free):
         if one.remark.startswith(f"{name} ") and not one.is_silent:
-            yield f"Column '{flat(one.name)}' speaks of it, but {one.remark}: convert it first."
+            yield f"Column '{flat(one.name)}' would be it, but {one.remark}: convert it first."
 
 
 def _silent(name: str, one: Survey) -> Iterator[str]:
