@@ -530,6 +530,13 @@ def test_check_finds_it(bench, capsys):
     assert "[tests.duty]" in found["remedy"]
 
 
+def test_check_says_plainly_that_a_section_is_for_another_test(bench, capsys):
+    file = bench / "motor.toml"
+    file.write_text(file.read_text().replace("dutty", "test"))
+    assert main(["check", "motor.toml", "duty.csv"]) == 0
+    assert "[tests.test] of the motor file is for none of the tests" in capsys.readouterr().out
+
+
 def test_a_command_that_fits_says_it(bench, capsys):
     load(load_motor("motor.toml"), [bench / "duty.csv"], [], as_json=False)
     assert "[tests.dutty] of the motor file is for none of the tests" in capsys.readouterr().err

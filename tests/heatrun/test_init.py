@@ -132,9 +132,9 @@ def test_what_lacks_a_unit_is_proposed_by_its_name_and_says_so(here, table):
     assert init("plain.csv") == 0
     lines = Path("motor.toml").read_text(encoding="utf-8").split("\n")
     (line,) = [one for one in lines if one.startswith("# winding_degC = ")]
-    assert line.startswith('# winding_degC = "coil temp [degC]"  # ')
-    assert "no unit given; check the unit" in line
-    assert any(one.startswith('# ambient_degC = "room [degC]"') for one in lines)
+    assert line.startswith('# winding_degC = "coil temp"  # ')
+    assert "no unit given; read in degC: check the unit" in line
+    assert any(one.startswith('# ambient_degC = "room"') for one in lines)
 
 
 def test_a_file_of_this_name_is_left_alone(here, table, capsys):

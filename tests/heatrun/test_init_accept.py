@@ -81,6 +81,31 @@ def test_the_best_candidates_hold_and_are_marked(tmp_path):
     assert "2. [" not in text
 
 
+@pytest.mark.parametrize(
+    ("name", "other"), [("Time [s]", TIME_S + 90.0), ("Time_2 [s]", 0.5 * TIME_S)]
+)
+def test_of_two_clocks_none_is_chosen_in_silence(tmp_path, name, other):
+    pairs = ("Time [s]" if name == "Time [s]" else "Time_1 [s]", "Winding [°C]", name, "Irms [A]",
+             "Losses [W]", "Ambient [°C]")  # fmt: skip
+    rows = zip(TIME_S, COIL, other, CURRENT, LOSSES, ROOM, strict=True)
+    path = tmp_path / "xy.csv"
+    lines = [";".join(pairs), *(";".join(f"{value:.5g}" for value in row) for row in rows)]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    assert "time_s" not in live(accepted(path))
+    (gap,) = [one for one in gaps([survey(path)]) if one.channel == "time_s"]
+    assert not gap.is_answered
+    assert "xy.csv has two clocks that differ, 'Time" in gap.sentence
+    assert "TEMPERATURES.csv+DRIVE.csv" in gap.sentence
+
+
+def test_a_date_beside_the_seconds_is_the_same_clock(tmp_path):
+    columns = {"Timestamp A [s]": TIME_S + 86400.0, "Elapsed time B [min]": TIME_S / 60.0,
+               "Irms [A]": CURRENT}  # fmt: skip
+    path = named(tmp_path, columns)
+    assert "time_s" in live(accepted(path))
+    assert not any("two clocks" in one.sentence for one in gaps([survey(path)]))
+
+
 def test_a_draft_has_at_most_forty_lines(tmp_path):
     """More columns than lines, and a candidate among them for each channel."""
     many = {f"Sensor {n} [°C]": HOUSING + n for n in range(20)}
@@ -116,6 +141,85 @@ def test_the_power_beside_three_currents_is_the_input(tmp_path, power):
     assert f"electrical_power_W = {power}" in text.replace('"', "")
     assert live(text)["phase_current_A"] == "mean(Irms1, Irms2, Irms3)"
     assert "# mechanical_power_W =" in text
+
+
+@pytest.mark.parametrize(
+    ("goes_in", "comes_out"),
+    [("P in [kW]", "P out [kW]"), ("Puissance absorbée [W]", "Puissance utile [W]"),
+     ("Potenza assorbita [W]", "Potenza resa [W]"), ("P_zu [W]", "Nutzleistung [W]"),
+     ("Potencia absorbida [W]", "Potencia útil [W]"), ("Moc pobrana [W]", "Moc oddana [W]")],
+)  # fmt: skip
+def test_what_a_motor_delivers_is_the_power_at_the_shaft(tmp_path, goes_in, comes_out):
+    columns = {"t [s]": TIME_S, goes_in: INPUT, comes_out: SHAFT, "T_Mot [°C]": COIL}
+    columns |= {f"Irms{n}[A]": (1.0 + 0.002 * n) * CURRENT for n in (1, 2, 3)}
+    path = named(tmp_path, columns)
+    read = {one.channel: one.column for one in survey(path).recognised}
+    assert (read | live(accepted(path)))["mechanical_power_W"] == comes_out
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("Kanal 7 [W]", "Perhaps it is 'Kanal 7 [W]'. Write 0 only where the rotor stands."),
+     ("SHAFT POWER (HP)", "Column 'SHAFT POWER (HP)' would be it, but mechanical_power_W is not")],
+)  # fmt: skip
+def test_a_power_that_nothing_claims_is_named_before_a_rotor_that_stands(tmp_path, name, said):
+    columns = {"t [s]": TIME_S, "P_in [W]": INPUT, name: SHAFT, "T_Mot [°C]": COIL,
+               "I_rms [A]": CURRENT, "T_a [°C]": ROOM}  # fmt: skip
+    path = named(tmp_path, columns)
+    (gap,) = [one for one in gaps([survey(path)]) if one.channel == "mechanical_power_W"]
+    assert said in gap.sentence
+    assert "mechanical_power_W" not in live(accepted(path))
+
+
+@pytest.mark.parametrize("names", ["P-{} [W]", "P{} [kW]"])
+def test_three_wattmeters_beside_three_currents_are_summed(tmp_path, names):
+    columns = NAMES | {"T_Mot [°C]": COIL, "T_a [°C]": ROOM}
+    share = 1e-3 if "kW" in names else 1.0
+    columns |= {names.format(n): share * INPUT * (0.32 + 0.01 * n) for n in (1, 2)}
+    columns |= {names.format(3): share * INPUT * 0.35}
+    columns |= {f"Irms-{n} [A]": (1.0 + 0.002 * n) * CURRENT for n in (1, 2, 3)}
+    path = named(tmp_path, columns)
+    text = accepted(path)
+    label = names.partition(" ")[0]
+    summed = f"sum({', '.join(label.format(n) for n in (1, 2, 3))})"
+    assert live(text)["electrical_power_W"] == summed
+    record = read_test(path, parse_motor(text.encode(), "motor.toml"))
+    np.testing.assert_allclose(record["electrical_power_W"], 1.02 * INPUT, rtol=1e-3)
+
+
+def test_three_powers_in_a_row_are_no_phases(tmp_path):
+    """Source, inverter and shaft: close to each other, and of one current."""
+    columns = NAMES | {f"P{n} [W]": INPUT * (1.05 - 0.02 * n) for n in (1, 2, 3)}
+    path = named(tmp_path, columns | {"Irms [A]": CURRENT, "T_Mot [°C]": COIL, "T_a [°C]": ROOM})
+    assert "sum(" not in accepted(path)
+
+
+@pytest.mark.parametrize("machines", ["M1_{} M2_{}", "Motor A {}/Motor B {}", "EM1.{} EM2.{}",
+                                      "{}_M1 {}_M2"])  # fmt: skip
+def test_of_two_machines_in_a_file_one_is_drafted(tmp_path, machines, capsys):
+    """The second one is warmer and draws more, by which its columns would go first."""
+    first, second = machines.split("/" if "/" in machines else " ")
+    columns = {"t [s]": TIME_S, "T_amb [°C]": ROOM}
+    for place, name in enumerate((second, first)):
+        columns |= {name.format("Twdg") + " [°C]": COIL + 9.0 - 9.0 * place,
+                    name.format("Irms") + " [A]": CURRENT * (1.1 - 0.1 * place),
+                    name.format("Ploss") + " [W]": LOSSES}  # fmt: skip
+    path = named(tmp_path, columns)
+    text = accepted(path)
+    assert {channel: live(text).get(channel) for channel in ("winding_degC", "losses_W")} == {
+        "winding_degC": first.format("Twdg") + " [°C]",
+        "losses_W": first.format("Ploss") + " [W]",
+    }
+    assert live(text)["phase_current_A"] == first.format("Irms") + " [A]"
+    assert "Open: Columns of two machines" in text
+    assert cli.main(["init", str(path), "--out", str(tmp_path / "m.toml")]) == 0
+    assert "Columns of two machines" in capsys.readouterr().err
+
+
+def test_two_sensors_of_each_kind_are_no_two_machines(tmp_path):
+    columns = {"t [s]": TIME_S, "T_1 [°C]": COIL, "T_2 [°C]": CASE, "I_1 [A]": CURRENT,
+               "I_2 [A]": CURRENT, "I_3 [A]": CURRENT}  # fmt: skip
+    assert "two machines" not in text_of(named(tmp_path, columns))
 
 
 def test_a_direct_current_is_no_reason_to_write_that_none_heats(tmp_path):
@@ -156,9 +260,9 @@ def test_currents_of_d_and_q_go_before_a_motor_current(tmp_path):
                "temp_mos_max": CASE, "temp_motor": COIL}  # fmt: skip
     assert live(accepted(named(tmp_path, columns))) == {
         "time_s": "ms_today [ms]",
-        "winding_degC": "temp_motor [degC]",
-        "i_d_A": "d_axis_current [A]",
-        "i_q_A": "q_axis_current [A]",
+        "winding_degC": "temp_motor",
+        "i_d_A": "d_axis_current",
+        "i_q_A": "q_axis_current",
     }
 
 
@@ -166,7 +270,7 @@ def test_a_q_current_alone_asks_for_that_of_d(tmp_path):
     columns = {"t": TIME_S, "axis0.motor.current_control.Iq_measured": CURRENT,
                "axis0.motor.motor_thermistor.temperature": COIL}  # fmt: skip
     text = accepted(named(tmp_path, columns))
-    assert live(text)["i_q_A"] == "axis0.motor.current_control.Iq_measured [A]"
+    assert live(text)["i_q_A"] == "axis0.motor.current_control.Iq_measured"
     assert "# i_d_A =    # put in the number, such as 0.0" in text
 
 
@@ -181,7 +285,7 @@ def test_what_warms_with_the_load_is_a_temperature_without_name_and_unit(tmp_pat
     noise = np.random.default_rng(4).normal(50.0, 20.0, TIME_S.size)
     columns = {"t [s]": TIME_S, "A1": noise, "A2": COIL, "A3": ROOM, "I_rms [A]": CURRENT}
     text = text_of(named(tmp_path, columns))
-    assert offered(text, "winding_degC") == ["A2 [degC]"]
+    assert offered(text, "winding_degC") == ["A2"]
 
 
 def heated(steps):
@@ -200,11 +304,11 @@ def test_what_has_neither_name_nor_unit_is_ranked_by_how_it_runs(tmp_path, steps
     columns = {"A1": TIME_S, "A2": winding, "A3": room, "A4": current, "A5": losses}
     text = accepted(named(tmp_path, columns))
     assert live(text) == {
-        "time_s": "A1 [s]",
-        "winding_degC": "A2 [degC]",
-        "ambient_degC": "A3 [degC]",
-        "phase_current_A": "A4 [A]",
-        "losses_W": "A5 [W]",
+        "time_s": "A1",
+        "winding_degC": "A2",
+        "ambient_degC": "A3",
+        "phase_current_A": "A4",
+        "losses_W": "A5",
     }
     assert text.count("please check") == 5
 
@@ -214,8 +318,8 @@ def test_a_matrix_without_names_is_ranked_so_too(tmp_path):
     rows = np.column_stack((TIME_S, winding, ROOM, current, losses))
     scipy.io.savemat(tmp_path / "log.mat", {"log": rows})
     said = live(accepted(tmp_path / "log.mat"))
-    assert said["time_s"] == "log(:,1) [s]"
-    assert said["winding_degC"] == "log(:,2) [degC]"
+    assert said["time_s"] == "log(:,1)"
+    assert said["winding_degC"] == "log(:,2)"
 
 
 def test_a_board_that_is_warmer_than_the_winding_began_is_no_room(tmp_path):
@@ -237,6 +341,63 @@ def test_the_registers_of_a_servo_controller_are_known(tmp_path):
     assert read["controller_degC"] == ("temperature", "degC")
     assert read["dc_voltage_V"] == ("voltage", "V")
     assert "ambient_degC" not in live(accepted(named(tmp_path, columns)))
+
+
+def test_a_unit_that_is_guessed_counts_as_assumed(tmp_path):
+    """The velocity of moteus is in revolutions per second, which its log does not say."""
+    columns = {"t [s]": TIME_S, "servo_stats.velocity": SPEED / 60.0, "torque_Nm": TORQUE,
+               "power_W": INPUT, "T_motor [°C]": COIL, "T_amb [°C]": ROOM}  # fmt: skip
+    path = named(tmp_path, columns)
+    text = accepted(path)
+    assert live(text)["speed_rpm"] == "servo_stats.velocity"
+    assert "no unit given; read in rpm: check the unit" in note_on(text, "servo_stats.velocity")
+    motor = parse_motor(text.encode(), "motor.toml")
+    read = {one.channel: one.unit_from for one in read_test(path, motor).mapping}
+    assert read["speed_rpm"] == "assumed"
+
+
+def test_an_axis_and_its_unit_are_a_current_of_the_field(tmp_path):
+    columns = {"t [s]": TIME_S, "servo_stats.d_A": 0.0 * CURRENT - 2.0, "servo_stats.q_A": CURRENT,
+               "servo_stats.power_W": INPUT, "T_motor [°C]": COIL, "T_amb [°C]": ROOM}  # fmt: skip
+    said = live(accepted(named(tmp_path, columns | NAMES)))
+    assert (said["i_d_A"], said["i_q_A"]) == ("servo_stats.d_A", "servo_stats.q_A")
+    assert "phase_current_A" not in said
+
+
+def test_the_throttle_of_a_cycle_analyst_is_no_room(tmp_path):
+    columns = {"V": 48.0 + LOAD, "A": CURRENT, "Deg": COIL, "RPM": SPEED, "Nm": TORQUE,
+               "ThI": 0.82 + 2.0 * LOAD, "ThO": 2.1 + LOAD}  # fmt: skip
+    text = text_of(named(tmp_path, columns))
+    assert offered(text, "ambient_degC") == []
+    assert offered(text, "winding_degC") == ["Deg"]
+
+
+@pytest.mark.parametrize(
+    "name", ["Rotação [rpm]", "Toerental [rpm]", "Varvtal [1/min]", "n1 [rpm]"]
+)
+def test_the_speed_holds_beside_losses_too(tmp_path, name):
+    """The fan of an enclosed motor cools by it."""
+    columns = {"t [s]": TIME_S, "Irms [A]": CURRENT, "P_V [W]": LOSSES, "T_cu [°C]": COIL,
+               "T_amb [°C]": ROOM, name: SPEED, "n2 set": SPEED}  # fmt: skip
+    path = named(tmp_path, columns)
+    read = {one.channel: one.column for one in survey(path).recognised}
+    assert (read | live(accepted(path)))["speed_rpm"] == name
+
+
+def test_a_machine_with_coolant_and_no_room_takes_it_as_the_sink(tmp_path):
+    columns = {"Zeit [s]": TIME_S, "EM_T_Wickelkopf_max [°C]": COIL + 43.0,
+               "KW_T_Vorlauf [°C]": 65.0 + 0.01 * ROOM, "HV_U [V]": 350.0 + LOAD,
+               "HV_I [A]": INPUT / 350.0, "EM_n [1/min]": SPEED, "EM_M_ist [Nm]": TORQUE,
+               "EM_I_eff [A]": CURRENT}  # fmt: skip
+    path = named(tmp_path, columns)
+    assert [gap.channel for gap in gaps([survey(path)]) if not gap.is_answered] == [""]
+    motor = parse_motor(accepted(path).encode(), "motor.toml")
+    assert motor.sink == "coolant"
+    assert motor.columns["coolant_degC"] == "KW_T_Vorlauf [°C]"
+    assert motor.columns["winding_degC"] == "EM_T_Wickelkopf_max [°C]"
+    record = read_test(path, motor)
+    assert {"losses_W", "phase_current_A"} <= record.channels.keys()
+    assert 'sink = "coolant"' not in accepted(named(tmp_path, columns | {"T_amb [°C]": ROOM}))
 
 
 def test_a_voltage_over_a_current_is_the_resistance_of_the_winding(tmp_path):
@@ -356,8 +517,8 @@ def test_a_variable_of_a_mat_file_is_offered_for_the_winding(tmp_path):
     columns = {"time": TIME_S, "Irms": CURRENT, "Ploss": LOSSES, "Tamb": ROOM, "Tcu": WINDING}
     scipy.io.savemat(path, columns)
     text = text_of(path)
-    assert offered(text, "winding_degC") == ["Tcu [degC]"]
-    assert offered(text, "ambient_degC") == ["Tamb [degC]"]
+    assert offered(text, "winding_degC") == ["Tcu"]
+    assert offered(text, "ambient_degC") == ["Tamb"]
 
 
 LOGGERS = {

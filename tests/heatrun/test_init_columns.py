@@ -138,12 +138,12 @@ def test_the_mean_of_the_phases_is_first_for_the_winding(tmp_path, names):
     np.testing.assert_allclose(found, np.mean(UVW, axis=0), atol=1e-2)
 
 
-def test_the_unit_of_bare_names_stands_behind_the_mean(tmp_path):
+def test_the_unit_of_bare_names_is_assumed_in_the_mean_too(tmp_path):
     names = ("coil_U", "coil_V", "coil_W")
     path = named(tmp_path, WITH_CURRENT | dict(zip(names, UVW, strict=True)))
     text = text_of(path)
-    assert offered(text, "winding_degC")[0] == "mean(coil_U, coil_V, coil_W) [degC]"
-    motor = taken(text, "winding_degC", "mean(coil_U, coil_V, coil_W) [degC]")
+    assert offered(text, "winding_degC")[0] == "mean(coil_U, coil_V, coil_W)"
+    motor = taken(text, "winding_degC", "mean(coil_U, coil_V, coil_W)")
     assert "winding_degC" in read_test(path, parse_motor(motor.encode(), "motor.toml"))
 
 
@@ -402,7 +402,7 @@ def test_a_column_is_offered_where_unit_and_name_allow_it(surveys):
     assert list(found)[:5] == ["time_s", "phase_current_A", "losses_W", "ambient_degC",
                                "winding_degC"]  # fmt: skip
     assert next(iter(found["losses_W"].sides)) == "Losses [W]"
-    assert {"Probe 7 [degC]", "Probe 8 [degC]", "Room [°C]"} <= set(found["winding_degC"].sides)
+    assert {"Probe 7", "Probe 8", "Room [°C]"} <= set(found["winding_degC"].sides)
     assert not any("Losses" in side for side in found["winding_degC"].sides)
     assert "I_ph [degC]" not in found["winding_degC"].sides
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -173,6 +175,9 @@ COMBINED = {
     "the mean current is that of the heat": (
         THREE, "phase_current_A = 'mean(I_U, I_V, I_W)'",
         np.full(SECONDS.size, np.sqrt(5000.0 / 3.0))),
+    "three wattmeters make one power": (
+        {"P1 [W]": 100.0 * U, "P2 [kW]": 0.1 * V, "P3 [W]": 100.0 * W},
+        "electrical_power_W = 'sum(P1, P2, P3)'", 100.0 * (U + V + W)),
     "a sensor without a reading leaves none of the mean": (
         {"T_U": U, "T_V": GONE}, "winding_degC = 'mean(T_U, T_V) [degC]'", (U + GONE) / 2.0),
     "a column of that name is the column": (
@@ -205,11 +210,30 @@ def test_a_sensor_that_departs_from_the_others_is_told(tmp_path):
         ('winding_degC = "mean(T_U, T_U)"', "one column twice"),
         ('losses_W = "mean(T_U, T_V)"', "Expected one column for losses_W"),
         ('phase_current_A = "hottest(T_U, T_V)"', "Expected one column"),
+        ('winding_degC = "sum(T_U, T_V)"', "Expected one column"),
     ],
 )
 def test_what_cannot_be_combined_is_refused(tmp_path, line, said):
     with pytest.raises(InputError, match=said):
         read(tmp_path, {"T_U": U, "T_V": V}, line)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ('time_s = "rate 10"', '"rate 10 Hz"'),
+        ('time_s = "rate 30 /min"', '"rate 0.5 Hz"'),
+        ('winding_degC = "max(T_U, T_V)"', r"hottest\(…\), of temperatures"),
+        ('losses_W = "P_el - P_mech"', "name both powers, electrical_power_W"),
+        ('phase_current_A = "I * 0.5"', 'phase_current_A = "COLUMN \\[UNIT\\]"'),
+        ('winding_degC = "T_Q"', "not have. Did you mean|does not have"),
+    ],
+)
+def test_what_a_line_cannot_compute_is_told_how_to_write_it(tmp_path, line, said):
+    with pytest.raises(InputError, match="which the file does not have") as caught:
+        read(tmp_path, {"T_U": U, "T_V": V, "P_el": U, "P_mech": V, "I": U}, line)
+    assert re.search(said, str(caught.value))
+    assert ("computes nothing" in str(caught.value)) == (" - " in line or "*" in line)
 
 
 def of_measurement_file(tmp_path, fast):

@@ -64,7 +64,8 @@ def run(options: argparse.Namespace) -> int:
             _describe(record)
         tests.append(describe_columns(record))
         findings += check_record(record, motor)
-    findings += other_tests(motor, [subject.name for subject in subjects])
+    elsewhere = list(other_tests(motor, [subject.name for subject in subjects]))
+    findings += elsewhere
     if all(finding.severity != "error" for finding in findings):
         findings += check_model(options.model, options.effects_known, motor, records)
     has_error = any(finding.severity == "error" for finding in findings)
@@ -109,10 +110,16 @@ def run(options: argparse.Namespace) -> int:
     if options.verbose:
         lines += mapping_text(tests).splitlines()
     else:
+        # whoever named a part wants it used
+        lines += [one.message for one in elsewhere if one.severity == "note"][:MOST_ELSEWHERE]
         notes = ", notes" if any(finding.severity == "note" for finding in findings) else ""
         lines.append(f"With -v: how each column was read{notes}.")
     print("\n".join(printable(line) for line in [*lines, f"Next: {following}"]))
     return NOT_ALLOWED if has_error else DONE
+
+
+MOST_ELSEWHERE = 3
+"""Sections of other tests that are told without -v: a motor file may serve many."""
 
 
 def _describe(record: Record) -> None:

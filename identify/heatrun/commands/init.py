@@ -109,6 +109,8 @@ def look_at(tests: Sequence[Path], out: Path, *, is_replacing: bool = False) -> 
             f"{len(found.free)} not")  # fmt: skip
         for finding in found.findings:
             say(f"  {finding.message} {finding.remedy}")
+        if found.machines:
+            say(f"  {found.machines}")
         surveys.append(replace(found, test=str(test)))
     return surveys
 

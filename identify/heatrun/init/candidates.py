@@ -9,7 +9,7 @@ from ..readers.likely_names import LIKELY, SURE
 from ..record.channels import REQUIRED
 from ..record.motor import COEFFICIENTS_degC
 from .free_columns import Course, Evidence, FreeColumn, Proposal
-from .phase_means import PhaseMean
+from .phase_means import MADE_OF_PHASES, PhaseMean
 from .survey import Survey
 
 LEAST_MOVE_K = 5.0
@@ -69,7 +69,7 @@ class Candidate:
 
     @property
     def is_mean(self) -> bool:
-        """It is the mean of the sensors of three phases."""
+        """It is the mean of the sensors of three phases, or their sum."""
         return len(self.columns) > 1
 
     @property
@@ -96,7 +96,7 @@ def _candidates(name: str, one: Survey) -> Iterator[Candidate]:
         is_held = bool(column.num_values) if name in ZERO else not column.is_silent
         if proposal is not None and is_held:
             is_assumed = all(one.unit_from == "assumed" for one in column.proposals)
-            check_unit = "; check the unit" if is_assumed else ""
+            check_unit = f"; read in {proposal.unit}: check the unit" if is_assumed else ""
             held[column.name] = Candidate(
                 proposal.line,
                 f"{column.shown()}{check_unit}",
@@ -112,6 +112,11 @@ def _candidates(name: str, one: Survey) -> Iterator[Candidate]:
         if each.channel == "end_winding_degC":
             note = "recognised as end_winding_degC, a part of the winding"
             yield Candidate(each.column, note, LIKELY, False, None, (each.column,))
+    for column in one.free if name == "winding_degC" else ():
+        end = column.read_as("end_winding_degC")
+        if end is not None and end.is_likely and not column.is_silent:
+            note = f"{column.shown()}; the end winding by its name, a part of the winding"
+            yield Candidate(end.line, note, LIKELY, False, None, (column.name,))
 
 
 def proposal_of(name: str, column: FreeColumn) -> Proposal | None:
@@ -131,6 +136,9 @@ def proposal_of(name: str, column: FreeColumn) -> Proposal | None:
     return None
 
 
+OF_PHASES = Evidence(True, "three wattmeters beside three currents", is_alone=True)
+
+
 def _mean(mean: PhaseMean, held: Mapping[str, Candidate]) -> Candidate:
     parts = [held[name] for name in mean.columns]
     return Candidate(
@@ -140,6 +148,7 @@ def _mean(mean: PhaseMean, held: Mapping[str, Candidate]) -> Candidate:
         any(part.is_assumed for part in parts),
         max(parts, key=lambda part: part.move).course,
         mean.columns,
+        evidence=OF_PHASES if MADE_OF_PHASES[mean.channel] == "sum" else None,
     )
 
 

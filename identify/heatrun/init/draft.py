@@ -16,10 +16,16 @@ from pathlib import Path
 from ..io.quantities import printable, printed_unit
 from ..motor.keys import WINDING
 from ..record.channels import CHANNEL, REQUIRED
-from ..record.record import ColumnReading
 from ..version import __version__
-from .free_columns import FreeColumn, flat
-from .gaps import LONGEST_LINE, Gap, found_resistance, gaps, stated_resistance
+from .free_columns import FreeColumn, as_assumed, flat
+from .gaps import (
+    LONGEST_LINE,
+    Gap,
+    found_resistance,
+    gaps,
+    is_cooled_by_liquid,
+    stated_resistance,
+)
 from .survey import Survey
 
 NONE = "none"
@@ -57,7 +63,7 @@ def choices(surveys: Sequence[Survey]) -> tuple[Choice, ...]:
             e.column: f"read in {printed_unit(e.unit)}" for e in recognised if e.channel == name
         }
         alike = {
-            _as_read(e): f"read as {e.channel}"
+            e.column: f"read as {e.channel}"
             for e in recognised
             if e.channel != name and CHANNEL[e.channel].quantity == CHANNEL[name].quantity
         }
@@ -78,13 +84,8 @@ def _choice_line(channel: str, column: FreeColumn) -> str:
     own = column.read_as(channel)
     if own is None and (column.unit or any(p.is_likely for p in column.proposals)):
         return ""
-    line = own.line if own else f"{column.name} [{CHANNEL[channel].unit}]"
+    line = own.line if own else as_assumed(column.name, channel, CHANNEL[channel].unit)
     return line if len(line) <= LONGEST_LINE else ""
-
-
-def _as_read(reading: ColumnReading) -> str:
-    is_assumed = reading.unit_from == "assumed"
-    return f"{reading.column} [{reading.unit}]" if is_assumed else reading.column
 
 
 def as_chosen(found: Sequence[Gap], columns: Mapping[str, str]) -> tuple[Gap, ...]:
@@ -153,13 +154,16 @@ def draft(
     if direct:
         words = f"'{flat(direct[0].name)}' is that of one winding under direct current"
         motor.append(_value("phases", "1", words, mark))
+    said = {*numbers, *(columns or {})}
+    if is_cooled_by_liquid(surveys) and "ambient_degC" not in said:
+        motor.append(_value("sink", '"coolant"', "no column is the room's", mark))
     winding = ["", "[winding]", *_winding(surveys, missing, mark)]
     constants = ["", "[constants]", *_constants(missing, mark)]
     recognised = ["", "[columns]", *_remarks(surveys)]
     overrides = _overrides(missing, mark)
     fixed = (*head, *motor, *winding, *recognised, *constants, *overrides)
     shown = {side for gap in missing for side, _ in gap.candidates}
-    free = _free(surveys, {gap.channel for gap in missing}, shown)
+    free = _free(surveys, {gap.channel for gap in missing}, shown, mark)
     left = MOST_LINES - len(fixed)
     offered = _offered(missing, mark, left - min(len(free), LEAST_FREE))
     left -= len(offered)
@@ -288,13 +292,14 @@ def _offered(missing: Sequence[Gap], mark: str, most: int) -> list[str]:
     return [line for lines in rows for line in lines if line in turn]
 
 
-def _free(surveys: Sequence[Survey], missing: Set[str], shown: Set[str]) -> list[str]:
+def _free(surveys: Sequence[Survey], missing: Set[str], shown: Set[str], mark: str) -> list[str]:
     """Return the columns that no channel claims, with a line for what each may be.
 
     Args:
         surveys: What the files hold.
         missing: Channels whose candidates stand above.
         shown: Right-hand sides that stand above.
+        mark: What stands before a line that holds: that of the speed, by which a fan cools.
     """
     lines = []
     settled = {channel for one in surveys for channel in one.channels} | missing
@@ -305,7 +310,11 @@ def _free(surveys: Sequence[Survey], missing: Set[str], shown: Set[str]) -> list
             likely = [p for p in column.proposals if p.is_likely and p.channel not in settled]
             if likely and not column.is_silent and len(likely[0].line) <= LONGEST_LINE:
                 best = likely[0]
-                lines.append(_line(best.channel, toml_text(best.line), column.shown(), "# "))
+                side = toml_text(best.line) if len(surveys) == 1 else f"[{toml_text(best.line)}]"
+                is_speed = best.channel == "speed_rpm"
+                settled |= {best.channel} if is_speed else set()
+                own_mark = mark if is_speed else "# "
+                lines.append(_line(best.channel, side, column.shown(), own_mark))
             else:
                 lines.append(_comment(f"  {flat(column.name)}: {column.shown()}"))
     return lines and ["# No channel claims:", *lines]

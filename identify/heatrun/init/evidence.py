@@ -8,6 +8,7 @@ copper does is the voltage of a winding.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, product
@@ -24,6 +25,7 @@ from .free_columns import (
     Evidence,
     FreeColumn,
     Proposal,
+    as_assumed,
     in_its_unit,
     is_same,
     is_square_of,
@@ -167,7 +169,7 @@ def _as(column: FreeColumn, channel: str, unit: str, words: str, judged: str = "
 
     The words speak for that channel, or for the one that is judged by it.
     """
-    guess = Proposal(channel, f"{column.name} [{unit}]", "assumed", WEAK, unit)
+    guess = Proposal(channel, as_assumed(column.name, channel, unit), "assumed", WEAK, unit)
     return replace(column, proposals=(guess,), evidence={judged or channel: Evidence(True, words)})
 
 
@@ -271,13 +273,54 @@ def _beside_a_winding(column: FreeColumn, coldest: float, winding: str) -> FreeC
     return replace(column, evidence={**column.evidence, "ambient_degC": said})
 
 
+MACHINE = re.compile(r"(?<![^\W_])[^\W_]*?[1A](?![^\W_])")
+"""The word by which a column is of the first machine of several: M1, EM1, A."""
+
+
+def of_one_machine(free: Sequence[FreeColumn]) -> tuple[tuple[FreeColumn, ...], str]:
+    """Return columns with what speaks against those of a second machine, and a sentence on it.
+
+    Two machines are in a file that has both a temperature and a load of each, under names that
+    differ in one word. Where a third is alike they are phases.
+    """
+    by_name = {column.name: column for column in free}
+    pairs: dict[tuple[str, str], dict[str, str]] = {}
+    for name in by_name:
+        for found in MACHINE.finditer(name):
+            first = found[0] if len(found[0]) > 1 else name[: found.end()]
+            signs = "23" if first[-1] == "1" else "BC"
+            other, third = (
+                f"{name[: found.end() - 1]}{sign}{name[found.end() :]}" for sign in signs
+            )
+            if other in by_name and third not in by_name:
+                pairs.setdefault((first, first[:-1] + signs[0]), {})[name] = other
+    for (first, second), names in pairs.items():
+        quantities = {CHANNEL[one.channel].quantity for name in names
+                      for one in by_name[name].proposals}  # fmt: skip
+        if "temperature" not in quantities or quantities.isdisjoint(("phase current", "power")):
+            continue
+        against = Evidence(False, f"is of another machine than '{first}'")
+        others = {*names.values()}
+        said = (
+            f"Columns of two machines, '{first}' and '{second}': those of '{first}' are proposed; "
+            "the other one takes a motor file of its own."
+        )
+        return tuple(
+            replace(one, evidence=dict.fromkeys((p.channel for p in one.proposals), against))
+            if one.name in others
+            else one
+            for one in free
+        ), said
+    return tuple(free), ""
+
+
 def _of_analyser(column: FreeColumn) -> FreeColumn:
     """Return a column whose plain power is no losses: beside each phase stands what goes in."""
     plain = {one.channel for one in column.proposals if not one.is_likely}
     words = "is a plain power beside the currents of three phases: the input, not the losses"
     goes_in = Evidence(True, words, is_alone=True)
     said = {"losses_W": Evidence(False, words), "electrical_power_W": goes_in}
-    is_plain = said.keys() <= plain and not column.evidence
+    is_plain = len(plain) == len(column.proposals) and said.keys() <= plain and not column.evidence
     return replace(column, evidence=said) if is_plain else column
 
 

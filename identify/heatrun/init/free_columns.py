@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..io.quantities import printable
 from ..readers.clock import parse_time_format, read_stated
 from ..readers.labels import named_unit, speaks_of
-from ..readers.likely_names import LIKELY, NOT_THE_SHAFTS, read_name
+from ..readers.likely_names import LIKELY, NOT_THE_SHAFTS, QUANTITY, read_name
 from ..readers.mapping import statements, unit_of
 from ..record.by_resistance import quotient
 from ..record.channels import CHANNEL
@@ -183,7 +183,7 @@ class Proposal:
     Attributes:
         channel: Canonical name.
         line: Right-hand side of `[columns]` that reads the column so.
-        unit_from: How its unit is known; `"assumed"` if the line itself states it.
+        unit_from: How its unit is known; `"assumed"` also if the line itself states it.
         score: How surely the name speaks for it, as `likely_names`; 0 for the unit alone.
         unit: Unit that it is read in.
     """
@@ -378,16 +378,24 @@ def _refusal(unit: str, likely: Iterable[str]) -> str:
     return ""
 
 
+def as_assumed(column: str, channel: str, unit: str) -> str:
+    """Return a line of `[columns]` for a column without a unit: one that is guessed in it would
+    count as stated, so that it only stands where the line would be read otherwise.
+    """
+    is_bare = unit == CHANNEL[channel].unit and channel != "winding_resistance_ohm"
+    return column if is_bare else f"{column} [{unit}]"
+
+
 def _proposals(column: Column, where: str) -> list[Proposal]:
     """Return the channels whose quantity the column's unit is of, and those its name speaks of."""
     found = []
     stated = statements(column)
     for channel in CHANNEL.values():
-        score = speaks_of(column.label, channel.quantity, stated[0].text if stated else None).get(
-            channel.name, 0
-        )
+        unit = stated[0].text if stated else _unit_of_axis(column.label, channel.quantity)
+        score = speaks_of(column.label, channel.quantity, unit).get(channel.name, 0)
         try:
             text, unit_from = unit_of(column, channel, where)
+            line = column.name if text else as_assumed(column.name, channel.name, channel.unit)
         except InputError:
             # of another quantity; or the file leaves it open, and the line would decide it
             known = {find_unit(one.text, channel.quantity) for one in stated}
@@ -398,13 +406,20 @@ def _proposals(column: Column, where: str) -> list[Proposal]:
             text = named.unit if named and find_unit(named.unit, channel.quantity) else None
             if stated:  # "MW" in a name is also the German mean: what is marked goes before it
                 text = stated[0].text
+            line = f"{column.name} [{text or channel.unit}]"
         if unit_from == "assumed" and not score:
             continue
-        line = f"{column.name} [{text or channel.unit}]" if unit_from == "assumed" else column.name
         unit = find_unit(text, channel.quantity) if text else None
         symbol = unit.symbol if unit else channel.unit
         found.append(Proposal(channel.name, line, unit_from, score, symbol))
     return sorted(found, key=lambda one: -one.score)
+
+
+def _unit_of_axis(label: str, quantity: str) -> str | None:
+    """Return the unit in the name of an axis and no more, as A in "q_A": it says of what."""
+    named = named_unit(label, quantity)
+    said = read_name(named.stem).meanings if named and named.stem else frozenset()
+    return named.unit if named and said & {"d", "q"} and not said & QUANTITY.keys() else None
 
 
 def in_its_unit(values: np.ndarray, one: Proposal | ColumnReading) -> np.ndarray:

@@ -39,6 +39,8 @@ WHY = {
     "stands, speed_rpm = 0 under [constants]).",
     "ambient_degC": "heat flows by the difference to it. Name its column, or write its mean under "
     '[constants]; a liquid-cooled machine takes sink = "coolant" under [motor].',
+    "coolant_degC": "no column is the room's, so that the coolant is what the heat flows to: "
+    'sink = "coolant" under [motor].',
     "winding_degC": "it is what the network is fitted to. The winding's resistance in ohm will do.",
 }
 """Why a channel that a calibration needs matters."""
@@ -120,11 +122,27 @@ def gaps(surveys: Sequence[Survey]) -> tuple[Gap, ...]:
         for name in REQUIRED:
             for need, formula in _needed(name, files, have) if name not in have else ():
                 wanted.setdefault(need, {})[test] = formula
+    if is_cooled_by_liquid(surveys):
+        lacking = wanted.pop("ambient_degC", {})
+        lacking = {test: "" for test in lacking if not _has("coolant_degC", tests[test])}
+        wanted |= {"coolant_degC": lacking} if lacking else {}
     has_no_copper_loss = "phase_current_A" in _zeros(surveys) - somewhere
     is_told = bool(found_resistance(surveys))
     keys = () if is_told else (_resistance(surveys, is_zero=has_no_copper_loss),)
     order = dict.fromkeys((*REQUIRED, *CHANNEL))
     return (*keys, *(_channel(name, wanted[name], tests) for name in order if name in wanted))
+
+
+def _has(name: str, files: Sequence[Survey]) -> bool:
+    return any(name in one.channels for one in files)
+
+
+def is_cooled_by_liquid(surveys: Sequence[Survey]) -> bool:
+    """Return whether the sink is a coolant: each file of a test may tell it, and none the room."""
+    found = [one for one in candidates("coolant_degC", surveys) if one.is_likely]
+    is_told = bool(found) or _has("coolant_degC", surveys)
+    room = _best("ambient_degC", surveys) or _constants("ambient_degC", surveys)
+    return is_told and not room and not _has("ambient_degC", surveys)
 
 
 def _zeros(surveys: Sequence[Survey]) -> set[str]:
@@ -228,11 +246,18 @@ def _channel(name: str, wanted: Mapping[str, str], tests: Mapping[str, Sequence[
         further, number = _without_current(surveys)
         sentence += further
     if not any(one.is_likely for one in firsts) and name in ZERO and formula:
-        number, lines, each = "0.0", {}, {}
-        sentence += f" No column holds it: 0 {ZERO[name]}."
+        lines = {line: note for line, note in lines.items() if name in AT_REST}
+        number, each = "0.0", {}
+        names = " or ".join(f"'{flat(line)}'" for line in lines)
+        told = (*_refused(name, surveys), *([f"Perhaps it is {names}."] if names else []))
+        rest = f"Write 0 only {ZERO[name]}." if told else f"No column holds it: 0 {ZERO[name]}."
+        sentence = " ".join((sentence, *told, rest))
     elif not lines and not constants and not silent and name != "time_s":
         sentence += " No column has a unit or a name that speaks for it."
     best = {test: found[0] for test, found in each.items() if found and found[0].is_open}
+    clocks = next(filter(None, map(_clocks, surveys if name == "time_s" else ())), "")
+    if clocks:
+        sentence, number, best = clocks, "", {}
     sides = tuple(dict.fromkeys(one.line for one in best.values()))
     return Gap(
         name,
@@ -246,6 +271,30 @@ def _channel(name: str, wanted: Mapping[str, str], tests: Mapping[str, Sequence[
         is_of_some=len(best) < len(tests) or len(sides) > 1,
         number=number,
     )
+
+
+NUMBERED = re.compile(r" #[0-9]+$")
+"""What tells columns of one name apart."""
+
+OTHER_SPAN = 0.01
+"""Times of one clock last equally long, to this share of it [1]."""
+
+
+def _clocks(one: Survey) -> str:
+    """Return what to do where columns of a file have clocks of their own, else an empty text."""
+    found = [each for each in ranked("time_s", candidates("time_s", [one]))
+             if each.is_open and each.is_likely and each.course]  # fmt: skip
+    for other in found[1:]:
+        first, second = (NUMBERED.sub("", each.columns[0]) for each in (found[0], other))
+        if first == second or abs(other.move - found[0].move) > OTHER_SPAN * found[0].move:
+            names = f"'{flat(found[0].columns[0])}' and '{flat(other.columns[0])}'"
+            return printable(
+                f"{one.file} has two clocks that differ, {names}: save the columns of each as a "
+                "file of its own and join them, heatrun check motor.toml "
+                f"TEMPERATURES.csv+DRIVE.csv; if one is that of all columns: time_s = "
+                f'"{flat(found[0].line)}".'
+            )
+    return ""
 
 
 def _why(name: str, formula: str) -> str:
@@ -285,6 +334,13 @@ def _of_tests(
         if read is not None and own is not None and read != own:
             found |= {name_of_test(Path(one.path)): own for one in files}
     return found
+
+
+def _refused(name: str, surveys: Sequence[Survey]) -> Iterator[str]:
+    """Yield a sentence for each column that speaks of the channel in a unit that is not read."""
+    for one in (column for each in surveys for column in each.free):
+        if one.remark.startswith(f"{name} ") and not one.is_silent:
+            yield f"Column '{flat(one.name)}' would be it, but {one.remark}: convert it first."
 
 
 def _silent(name: str, one: Survey) -> Iterator[str]:

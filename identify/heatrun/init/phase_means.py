@@ -1,9 +1,9 @@
-"""Sensors of the three phases, and their mean as a line of `[columns]` for `heatrun init` to offer.
+"""Sensors of the three phases, and their mean or sum as a line of `[columns]` for `init` to offer.
 
 The names are alike but for one sign, U, V and W, or 1, 2 and 3. T_U, T_V and T_W may also be room,
 inlet and winding, and T1 to T3 anything, so the values decide: sensors of one winding stay within a
 few kelvin of each other while they warm by much more, and currents of a balanced machine within a
-tenth of their value.
+tenth of their value, as the powers of three wattmeters beside them.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def _is_one_winding(three: Sequence[Sensor], quantity: str) -> bool:
     middle = np.median(stacked, axis=0)
     apart = float(np.max(np.quantile(np.abs(stacked - middle), 0.95, axis=1)))
     low, high = np.quantile(middle, (0.01, 0.99))
-    if quantity == "phase current":
+    if quantity in ("phase current", "power"):
         return high > 0.0 and apart <= CLOSE_SHARE * high
     rise = float(high - low)
     if all(sensor.as_read.is_likely for sensor in three):
@@ -88,14 +88,16 @@ def _samples(values: np.ndarray) -> np.ndarray:
     return values[np.linspace(0, values.size - 1, NUM_SAMPLES).astype(int)]
 
 
-MADE_OF_PHASES = ("winding_degC", "phase_current_A")
+MADE_OF_PHASES = {"winding_degC": "mean", "phase_current_A": "mean", "electrical_power_W": "sum"}
+"""Channels that three columns make, and how; a power last, beside three currents alone."""
+
 MOST_MEANS = 20
 """Of one file; each is read back, which takes a while in files of thousands of columns."""
 
 
 @dataclass(frozen=True)
 class PhaseMean:
-    """Three columns of which one channel may be the mean.
+    """Three columns of which one channel may be the mean, or the sum.
 
     Attributes:
         channel: Canonical name.
@@ -133,38 +135,37 @@ def phase_means(
         if many[column.name] == 1 and id(column) in values
     }
     found: list[PhaseMean] = []
-    for channel in MADE_OF_PHASES:
-        if channel in known:
+    for channel, how in MADE_OF_PHASES.items():
+        has_currents = any(one.channel == "phase_current_A" for one in found)
+        if channel in known or (how == "sum" and not has_currents):
             continue
         sensors = []
         for one in free:
             column, as_read = columns.get(one.name), one.read_as(channel)
             is_others = any(other.is_likely for other in one.proposals)
+            is_others |= channel in one.evidence and not one.evidence[channel].speaks
             if column and as_read and not one.is_silent and (as_read.is_likely or not is_others):
                 sensors.append(Sensor(column, as_read, in_its_unit(values[id(column)], as_read)))
         for three in islice(_phases(sensors, CHANNEL[channel].quantity), MOST_MEANS):
             names = tuple(one.column.name for one in three)
             if any({*names} & {*other.columns} for other in found):
                 continue
-            for line in _lines(three, table):
+            for line in _lines(how, three, table):
                 if _reads_back(table, channel, line, names, left_out, where):
                     found.append(PhaseMean(channel, line, names))
                     break
     return tuple(found)
 
 
-def _lines(three: Sequence[Sensor], table: Table) -> Iterator[str]:
-    """Yield the lines that may read a mean, the one that is easiest to read first."""
+def _lines(how: str, three: Sequence[Sensor], table: Table) -> Iterator[str]:
+    """Yield the lines that may read three columns, the one that is easiest to read first."""
     many = Counter(name for column in table.columns for name in {column.label, column.name})
-    labels, names, proposals = zip(
-        *((one.column.label, one.column.name, one.as_read) for one in three), strict=True
-    )
-    known = {one.unit_from for one in proposals}
-    if known == {"stated"} and all(many[label] == 1 for label in labels):
-        yield f"mean({', '.join(labels)})"
-    if known == {"assumed"}:
-        yield f"mean({', '.join(names)}) [{proposals[0].unit}]"
-    yield f"mean({', '.join(one.line for one in proposals)})"
+    labels, proposals = zip(*((one.column.label, one.as_read) for one in three), strict=True)
+    if {one.unit_from for one in proposals} == {"stated"} and all(
+        many[label] == 1 for label in labels
+    ):
+        yield f"{how}({', '.join(labels)})"
+    yield f"{how}({', '.join(one.line for one in proposals)})"
 
 
 def _reads_back(

@@ -30,7 +30,7 @@ from ..record.derive import derive, formulas
 from ..record.motor import Motor
 from ..record.record import ColumnReading, Finding, Record
 from ..record.table import Table, preamble_of
-from .evidence import without_misnamed
+from .evidence import of_one_machine, without_misnamed
 from .free_columns import Evidence, FreeColumn, flat, free_column, text_column
 from .phase_means import PhaseMean, phase_means
 
@@ -80,6 +80,7 @@ class Survey:
         means: Columns of three phases that a channel may be the mean of.
         findings: What the reader left out or doubts.
         test: The test that it is a file of, as the command line names it.
+        machines: What is to be said of columns of a second machine, or empty.
     """
 
     path: str
@@ -94,6 +95,7 @@ class Survey:
     means: tuple[PhaseMean, ...] = ()
     findings: tuple[Finding, ...] = ()
     test: str = ""
+    machines: str = ""
 
     @property
     def channels(self) -> frozenset[str]:
@@ -192,6 +194,7 @@ def _surveyed(
         return free_column(column, where, read.get(one.column), {})
 
     readings, free = without_misnamed(free, mapped.readings, read, as_free)
+    free, machines = of_one_machine(free)
     misnamed = {one.channel: one.column for one in mapped.readings if one not in readings}
     derived = {
         channel: formula
@@ -217,9 +220,10 @@ def _surveyed(
         heard,
         derived,
         free,
-        (*(str(fault) for fault in found.faults), *said),
+        (*([machines] if machines else ()), *(str(fault) for fault in found.faults), *said),
         silent=tuple(silent.values()),
         means=phase_means(table, free, values, known, found.lines, where),
+        machines=machines,
     )
 
 

@@ -134,7 +134,8 @@ COLUMNS = Section(
     "heatrun does not recognise or reads in another way than you want. The unit in brackets may be "
     "left out where the file gives it; it decides where the file gives another, and behind the "
     'whole heading, as in "P [kW] [kW]", where the record speaks against it. Several sensors of '
-    "one winding or body: mean(T_U, T_V, T_W), or hottest(…). Currents are rms; "
+    "one winding or body: mean(T_U, T_V, T_W), or hottest(…); of three wattmeters "
+    "sum(P1, P2, P3). Currents are rms; "
     'write [A_peak] for amplitudes. "none" leaves a channel out; time_s = "rate 10 Hz" stands for '
     "a column of times. Several loggers: of a list, such as "
     '["T_Wicklung [°C]", "coil [degC]"], the first counts whose column a file has. '

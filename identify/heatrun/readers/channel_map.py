@@ -17,6 +17,7 @@ from ..record.channels import (
     Claim,
     ColumnMap,
     Columns,
+    instead_of,
     parse_claims,
 )
 from ..record.header import read_heading
@@ -183,7 +184,7 @@ def _claimed(
         f"[columns] names '{claim.text}' for {claim.channel}, which the file does not have. "
         f"{did_you_mean(claim.label, [*names, *labels])}".strip(),
         where=where,
-        remedy=f"Columns are: {', '.join(names)}.",
+        remedy=f"{instead_of(claim)} Columns are: {', '.join(names)}.".strip(),
     )
 
 
@@ -240,7 +241,7 @@ def _unit_left(claim: Claim, column: Column) -> str | None:
 def _add_combined(
     mapping: MappedColumns, claim: Claim, pool: Iterable[Column], table: Table, is_part: bool
 ) -> None:
-    """Take the mean or the hottest of several columns for a channel."""
+    """Take the mean, the hottest or the sum of several columns for a channel."""
     pool = tuple(pool)
     found = [_claimed(part, pool, table, mapping.where, is_part) for part in claim.parts]
     columns = [column for column in found if column is not None]

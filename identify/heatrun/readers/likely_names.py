@@ -33,7 +33,8 @@ MEANINGS: dict[str, str] = {
     "voltage": "voltage volt volts spannung tensione tension voltaje 電圧 电压 電壓",
     "power": "power pwr watt watts leistung potenza puissance potencia moc psum 電力 功率",
     "speed": "speed spd drehzahl drehz velocita vitesse velocidad velocity vel rpm omega giri "
-    "tours regime revs predkosc obr geschwindigkeit 回転数 回転速度 转速 轉速 速度",
+    "tours regime revs predkosc obr obroty obrotowa rotacao varvtal toerental otacky "
+    "geschwindigkeit 回転数 回転速度 转速 轉速 速度",
     "torque": "torque torq trq tq drehmoment drehmom moment coppia couple par momento トルク "
     "转矩 扭矩 轉矩",
     "flow": "flow durchfluss durchfl volumenstrom portata debit caudal 流量",
@@ -70,7 +71,7 @@ MEANINGS: dict[str, str] = {
     "glykol oil ol oel olio huile aceite 冷却 冷却水 冷却液 水 水温 水溫 油 油温",
     "inlet": "in inlet vorlauf entree ingresso entrada eintritt mandata 入口 进水 进口",
     "outlet": "out outlet output rucklauf ruecklauf ritorno retour retorno sortie uscita salida "
-    "austritt ausgang ausgangs 出口 出水 出力 输出",
+    "austritt ausgang ausgangs erogata 出口 出水 出力 输出",
     "housing": "housing gehause gehaeuse geh frame case casing carcassa cassa carter carcasse "
     "carcasa hsg jacket mantel body surface oberflache oberflaeche ハウジング フレーム 筐体 ケース "
     "机壳 机座 外壳 壳体 機殻",
@@ -96,9 +97,10 @@ MEANINGS: dict[str, str] = {
     "input": "in input eingang eingangs aufgenommen aufgenommene aufnahme assorbita absorbee "
     "absorbida entrada ingresso pobrana pobierana 入力 输入",
     "mechanical": "mech mechanical mechanisch mechanische meccanica meccanico mecanique mecanica "
-    "shaft welle wellen albero arbre abgabe abgegeben abgegebene 機械 机械 軸 轴",
-    "direct": "dc bus vbus batt battery bat batterie batteria bateria link zwischenkreis zk supply "
-    "netzteil versorgung 直流 母线 電池 电池 バッテリ",
+    "shaft welle wellen albero arbre abgabe abgegeben abgegebene nutz useful utile util resa "
+    "oddana oddawana uzyteczna 機械 机械 軸 轴",
+    "direct": "dc hv bus vbus batt battery bat batterie batteria bateria link zwischenkreis zk "
+    "supply netzteil versorgung 直流 母线 電池 电池 バッテリ",
     "loss": "loss losses verlust verluste perdita perdite perte pertes perdida perdidas dissip "
     "dissipation dissipated verl perd straty strat 損失 损耗 损失 損耗",
     "part": "iron eisen ferro fer fe copper kupfer cu rame cuivre friction reibung",
@@ -133,8 +135,10 @@ SYMBOLS = {
 }
 """Symbols of formulas to what they stand for; words say it before them."""
 
-UNITS_ALONE = {"V": "voltage direct", "A": "current direct", "Nm": "torque"}
-"""Names that are a unit and no more: meters of a battery, such as the Cycle Analyst, write so."""
+UNITS_ALONE = {"V": "voltage direct", "A": "current direct", "Nm": "torque",
+               "ThI": "bookkeeping", "ThO": "bookkeeping"}  # fmt: skip
+"""Names that are a unit and no more: meters of a battery, such as the Cycle Analyst, write so; its
+throttle in and out are no temperatures."""
 
 SUBSCRIPTS = {
     **{"w": "winding_short", "e": "ambient_short", "a": "ambient_short", "0": "ambient_short"},

@@ -326,10 +326,17 @@ def resistance_conflict(
 
 
 COMBINED = re.compile(
-    r"(?P<how>mean|hottest)\s*\((?P<parts>[^()]*(?:\([^()]*\)[^()]*)*)\)(?:\s*\[(?P<unit>[^\[\]]+)\])?",
+    r"(?P<how>mean|hottest|sum)\s*\((?P<parts>[^()]*(?:\([^()]*\)[^()]*)*)\)(?:\s*\[(?P<unit>[^\[\]]+)\])?",
     re.DOTALL,
 )
 """Right-hand side of `[columns]`; a unit behind it holds for all of its columns."""
+
+COMBINES = {
+    "mean": ("temperature", "phase current", "resistance"),
+    "hottest": ("temperature",),
+    "sum": ("power",),
+}
+"""Quantities of which several columns make one channel, by how they do."""
 
 MOST_PARTS = 64
 
@@ -367,23 +374,20 @@ def refuse_combination(channel: str, how: str, num_parts: int, where: str) -> No
 
     Args:
         channel: Canonical name.
-        how: `"mean"` or `"hottest"`.
+        how: `"mean"`, `"hottest"` or `"sum"`.
         num_parts: Columns that are named.
         where: The line of the motor file, for the message.
 
     Raises:
-        InputError: If the channel is no temperature, resistance or phase current, only temperatures
-            have a hottest, or fewer than two columns are named.
+        InputError: If the channel is not of a quantity that is combined so, or fewer than two
+            columns are named.
     """
-    quantity = CHANNEL[channel].quantity
-    if quantity not in ("temperature", "phase current", "resistance") or (
-        how == "hottest" and quantity != "temperature"
-    ):
+    if CHANNEL[channel].quantity not in COMBINES[how]:
         raise InputError(
             f"Expected one column for {channel}, got {how}(…).",
             where=where,
             remedy="mean(…) is for temperatures, resistances and phase currents, hottest(…) for "
-            "temperatures.",
+            "temperatures, sum(…) for powers.",
         )
     if not 2 <= num_parts <= MOST_PARTS:
         raise InputError(
@@ -403,12 +407,15 @@ def combine(channel: str, how: str, parts: Sequence[np.ndarray]) -> np.ndarray:
 
     Args:
         channel: Canonical name.
-        how: `"mean"` or `"hottest"`; of currents the mean is that of the squares, as heat is.
+        how: `"mean"`, `"hottest"` or `"sum"`; of currents the mean is that of the squares, as heat
+            is.
         parts: In the channel's unit, shape (time,) each.
     """
     stacked = np.stack(parts)
     if how == "hottest":
         return np.max(stacked, axis=0)
+    if how == "sum":
+        return np.sum(stacked, axis=0)
     if CHANNEL[channel].quantity == "phase current":
         return np.sqrt(np.mean(stacked**2, axis=0))
     return np.mean(stacked, axis=0)
@@ -430,7 +437,7 @@ def sensors_differ(
         time_s: Their times [s], shape (time,).
         where: The file.
     """
-    if len(parts) < 2:
+    if len(parts) < 2 or CHANNEL[channel].quantity == "power":  # parts of a sum may differ
         return None
     if CHANNEL[channel].quantity == "phase current":
         return _phase_differs(channel, parts, time_s, where)
@@ -568,7 +575,7 @@ class Claim:
         base: What stands before square brackets at its end, whatever it is; empty without them.
         bracket: What stands in them.
         rate_Hz: Sampling rate that stands for a time column [Hz], or None.
-        how: `"mean"` or `"hottest"` of several columns; empty for one.
+        how: `"mean"`, `"hottest"` or `"sum"` of several columns; empty for one.
         parts: What it says of each of them.
         is_choice: It is one of several that hold in the files that have them.
     """
@@ -643,6 +650,39 @@ def _claim(channel: str, text: str, where: str) -> Claim:
     base = BRACKET_AT_END.fullmatch(text.strip())
     pair = (base["base"], base["unit"].strip()) if base else ("", "")
     return Claim(channel, text.strip(), label, unit, *pair)
+
+
+CALL = re.compile(r"[^\W\d]\w*\s*\(.*\)(?:\s*\[[^\[\]]+\])?", re.DOTALL)
+DIFFERENCE = re.compile(r"\s[-\u2212]\s")
+ARITHMETIC = re.compile(r"\s[-+*/\u2212\u00d7]\s|[*\u00d7]")
+
+
+def instead_of(claim: Claim) -> str:
+    """Return how to write what a line of `[columns]` asks for, where it is no column but looks like
+    a rate, a function or a formula; else an empty text.
+
+    Args:
+        claim: The line, whose column no file has.
+    """
+    text = claim.text
+    if claim.channel == "time_s" and re.match(r"rate\b", text, re.IGNORECASE):
+        return 'A rate is stated in hertz: time_s = "rate 10 Hz"; 30 a minute are "rate 0.5 Hz".'
+    if CALL.fullmatch(text):
+        return (
+            "Several columns are combined by mean(…), of temperatures, resistances and phase "
+            "currents, hottest(…), of temperatures, or sum(…), of powers, and by nothing else."
+        )
+    if claim.channel == "losses_W" and DIFFERENCE.search(text):
+        return (
+            "[columns] computes nothing: name both powers, electrical_power_W = … and "
+            "mechanical_power_W = …, and the losses are their difference."
+        )
+    if ARITHMETIC.search(text):
+        return (
+            "[columns] computes nothing: state the unit of the column, as in "
+            f'{claim.channel} = "COLUMN [UNIT]", or compute a column of its own in the file.'
+        )
+    return ""
 
 
 def _rate(text: str, where: str) -> float:
