@@ -260,3 +260,42 @@ def test_the_same_header_again_is_a_restart_of_the_logger(tmp_path):
     assert (finding.id, finding.values["first_sample"]) == ("logger_restarted", 7)
     assert "[tests.test] use_rows = [[1, 7], [8, 12]]" in finding.remedy
     assert survey(path).findings[0].id == "logger_restarted"
+
+
+TABLES_OF_CHANNELS = {
+    "a row for each channel": (
+        'CH,Signal name,Input,Span\nCH1,"Coil U",TEMP,-200,1370,degC\n'
+        'CH2,"Phase current",DC,0,20,A\n'
+        "Number,Time,CH1,CH2\nNO.,s,degC,A\n",
+        "CH1",
+    ),
+    "the name behind the range": (
+        '"Ch","Mode","Range","Comment"\n"CH-1","Tc","2000 C","Winding U"\n'
+        '"CH-2","Voltage","10V","Phase current rms"\n"No","Time","CH-1[C]","CH-2[A]"\n',
+        "CH-1[C]",
+    ),
+    "a row for each property": (
+        '"CH","U1-1","U1-2"\n"Mode","Tc","Voltage"\n"Comment","Wicklung","Strangstrom eff"\n'
+        '"Ratio","1.0E+00","1.0E+00"\n"No","Time","U1-1[C]","U1-2[A]"\n',
+        "U1-1",
+    ),
+}
+
+
+@pytest.mark.parametrize("member", TABLES_OF_CHANNELS)
+def test_names_in_the_table_of_channels_of_a_logger(tmp_path, member):
+    head, as_written = TABLES_OF_CHANNELS[member]
+    path = written(tmp_path, head + rows(SECONDS, "{i},{time},{T},{I}"))
+    record = read_record(path)
+    np.testing.assert_array_equal(record["winding_degC"], TEMPERATURE)
+    np.testing.assert_array_equal(record["phase_current_A"], CURRENT)
+    for name in (as_written, as_written.partition("[")[0]):
+        record = read_record(path, Motor("M", columns={"housing_degC": name}))
+        np.testing.assert_array_equal(record["housing_degC"], TEMPERATURE)
+        assert "housing_degC" not in record.decided
+
+
+def test_names_that_say_something_are_not_replaced_by_a_comment(tmp_path):
+    head = "Channel,Comment\nTime,base\nCoil,Housing of U\nCH2,-\nTime,Coil [degC],CH2 [degC]\n"
+    path = written(tmp_path, head + rows(SECONDS, "{time},{T},{I}"))
+    assert list(by_name(path)) == ["Time", "Coil [degC]", "CH2 [degC]"]
