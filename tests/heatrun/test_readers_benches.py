@@ -299,3 +299,22 @@ def test_names_that_say_something_are_not_replaced_by_a_comment(tmp_path):
     head = "Channel,Comment\nTime,base\nCoil,Housing of U\nCH2,-\nTime,Coil [degC],CH2 [degC]\n"
     path = written(tmp_path, head + rows(SECONDS, "{time},{T},{I}"))
     assert list(by_name(path)) == ["Time", "Coil [degC]", "CH2 [degC]"]
+
+
+@pytest.mark.parametrize(
+    "epoch, count", [(".NET", 638452123200000000), ("Windows", 133540963200000000)]
+)
+def test_counts_of_100_ns_are_known_by_their_value(tmp_path, epoch, count):
+    ticks = [f"{count + 2_500_000 * i}" for i in range(N)]
+    path = written(tmp_path, "Stamp,Coil [degC]\n" + rows(ticks, "{time},{T}"))
+    record = read_record(path)
+    np.testing.assert_array_equal(record.time_s, 0.25 * np.arange(N))
+    assert epoch in by_name(path)["Stamp"].note
+    assert by_name(path)["Stamp"].start.startswith("2024-03-05T")
+
+
+def test_a_datenum_counts_days(tmp_path):
+    days = [f"{739316.375 + i / 1024}" for i in range(N)]
+    path = written(tmp_path, "datenum,Coil [degC]\n" + rows(days, "{time},{T}"))
+    record = read_record(path, Motor("M", columns={"time_s": "datenum"}))
+    np.testing.assert_allclose(record.time_s, 84.375 * np.arange(N), atol=1e-3)

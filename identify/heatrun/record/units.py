@@ -97,7 +97,7 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
         Unit("h", ("hr", "hrs", "hour", "hours", "Std", "Std.", "Stunde", "Stunden", "ora", "ore",
                    "heure", "heures", "horas", "小时", "小時"), 3600.0),
         # no "day" and no "Tag": "time of day" and "time tag" name times of other units
-        Unit("days", ("d", "Tage", "giorni", "jours"), 86400.0),
+        Unit("days", ("d", "Tage", "giorni", "jours", "datenum"), 86400.0),
     ),
     "temperature": (
         Unit("degC", ("°C", "C", "deg C", "deg. C", "deg_C", "deg-C", "Celsius", "degree C",
