@@ -95,6 +95,9 @@ def test_every_form_of_the_degree_celsius(tmp_path, sign):
     assert any("in degC" in note for note in record.notes)
 
 
+AM = {"es": "a.m.", "el": "πμ"}
+
+
 def clocks(form):
     """Return times of 0.25 s steps from 11:59:58 on, by means that the reader does not share."""
     out = []
@@ -104,7 +107,10 @@ def clocks(form):
         hour, minute = (12, 0) if second >= 60 else (11, 59)
         word = "오후" if hour == 12 else "오전"
         ms %= 1000
-        out.append(form.format(h=hour, m=minute, s=second % 60, ms=ms, cs=ms // 10, word=word))
+        halves = {"h12": hour, "es": "p. m.", "el": "μμ"} if hour == 12 else {"h12": hour, **AM}
+        out.append(
+            form.format(h=hour, m=minute, s=second % 60, ms=ms, cs=ms // 10, word=word, **halves)
+        )
     return out
 
 
@@ -120,6 +126,14 @@ CLOCKS = {
     "behind a plus": "T+{h:02d}:{m:02d}:{s:02d}.{ms:03d}",
     "with days by letter": "2d {h:02d}:{m:02d}:{s:02d}.{ms:03d}",
     "without zeros": "3/17/2025 {h}:{m}:{s}.{ms:03d}",
+    "Spanish": "17/03/2025 {h12}:{m:02d}:{s:02d}.{ms:03d} {es}",
+    "Greek": "17/03/2025 {h12}:{m:02d}:{s:02d}.{ms:03d} {el}",
+    "UTC": "2025-03-17 {h:02d}:{m:02d}:{s:02d}.{ms:03d} UTC",
+    "UTC without a date": "{h:02d}:{m:02d}:{s:02d}.{ms:03d} UTC",
+    "the year last": "Mon Mar 17 {h:02d}:{m:02d}:{s:02d}.{ms:03d} 2025",
+    "day of the year": "2025-076T{h:02d}:{m:02d}:{s:02d}.{ms:03d}",
+    "days of three digits": "001:{h:02d}:{m:02d}:{s:02d}.{ms:03d}",
+    "an apostrophe": "'25-03-17 {h:02d}:{m:02d}:{s:02d}.{ms:03d}",
 }
 
 
@@ -302,7 +316,7 @@ def test_names_that_say_something_are_not_replaced_by_a_comment(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "epoch, count", [(".NET", 638452123200000000), ("Windows", 133540963200000000)]
+    ("epoch", "count"), [(".NET", 638452123200000000), ("Windows", 133540963200000000)]
 )
 def test_counts_of_100_ns_are_known_by_their_value(tmp_path, epoch, count):
     ticks = [f"{count + 2_500_000 * i}" for i in range(N)]
@@ -318,3 +332,9 @@ def test_a_datenum_counts_days(tmp_path):
     path = written(tmp_path, "datenum,Coil [degC]\n" + rows(days, "{time},{T}"))
     record = read_record(path, Motor("M", columns={"time_s": "datenum"}))
     np.testing.assert_allclose(record.time_s, 84.375 * np.arange(N), atol=1e-3)
+
+
+def test_days_of_three_digits_may_be_hours_of_a_clock_with_hundredths(tmp_path):
+    clock = [f"000:00:{i:02d}:00" for i in range(N)]
+    path = written(tmp_path, "No,Clock,T1 [degC]\n" + rows(clock, "{i},{time},{T}"))
+    assert "Clock" not in by_name(path)

@@ -248,6 +248,8 @@ def read_values(
     texts = cells.astype(object).where(cells.notna(), "").astype(str).str.strip().map(bare)
     lower = texts.str.lower()
     missing = lower.isin(list(MISSING)).to_numpy()
+    if stated is not None and stated.order != "year-month-day":
+        stated = None if texts[~missing].str.fullmatch(ISO_8601).all() else stated
     if stated is not None and not missing.all():
         best = _read_stated(texts, missing, stated, name)
     else:
@@ -356,7 +358,17 @@ def _read_numbers(texts: pd.Series, decimal: str, has_thousands: bool) -> Values
     return Values(np.where(np.isinf(numbers), np.nan, numbers))
 
 
+LONG_DAYS = r"^([0-9]{3}):([0-9]{2}:[0-5][0-9]:[0-5][0-9](?:\.[0-9]*)?)$"
+"""Days in three digits before a clock."""
+
+ISO_8601 = r"[0-9]{4}-[0-9]{2}-[0-9]{2}T[0-9]{2}:[0-9]{2}.*"
+"""Dates with a time that say themselves how they are written, as those of a workbook do."""
+
+
 def _read_clock(texts: pd.Series, name: str) -> Values | None:
+    long = texts.str.extract(LONG_DAYS)
+    if long[0].notna().any() and not texts.str.endswith(":00").all():  # else maybe hundredths
+        return read_days(long[0] + " days " + long[1])
     if texts.str.fullmatch(DAYS).any():
         return read_days(texts)
     if not texts.str.fullmatch(CLOCK).any():
