@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from heatrun.errors import InputError
 from heatrun.init.survey import survey
 from heatrun.readers.read import read_record
 from heatrun.readers.text.reader import read_text
@@ -338,3 +339,44 @@ def test_days_of_three_digits_may_be_hours_of_a_clock_with_hundredths(tmp_path):
     clock = [f"000:00:{i:02d}:00" for i in range(N)]
     path = written(tmp_path, "No,Clock,T1 [degC]\n" + rows(clock, "{i},{time},{T}"))
     assert "Clock" not in by_name(path)
+
+
+def by_tag(*clocks, head="TagName,TimeStamp,Value,Quality"):
+    """Return a row for each sample of a tag, whose clocks are given in seconds."""
+    values = {"M1.WINDING_TEMP": TEMPERATURE, "M1.MOTOR_CURRENT": CURRENT}
+    lines = [
+        f"{tag},2025-03-04 13:00:{clock[i]:06.3f},{values[tag][i]},192"
+        for i in range(N)
+        for tag, clock in zip(values, clocks, strict=True)
+    ]
+    return "\n".join((head, *lines))
+
+
+COLUMNS = {"winding_degC": "M1.WINDING_TEMP [degC]", "phase_current_A": "M1.MOTOR_CURRENT [A]"}
+
+
+def test_a_row_for_each_sample_of_a_tag(tmp_path):
+    clock = 2.0 * np.arange(N)
+    path = written(tmp_path, by_tag(clock, clock))
+    record = read_record(path, Motor("M", columns=COLUMNS))
+    np.testing.assert_array_equal(record.time_s, clock)
+    np.testing.assert_array_equal(record["winding_degC"], TEMPERATURE)
+    np.testing.assert_array_equal(record["phase_current_A"], CURRENT)
+
+
+def test_tags_with_clocks_of_their_own_are_joined_at_the_readings(tmp_path):
+    clock = 2.0 * np.arange(N)
+    late = clock + 0.5 * (np.arange(N) % 3)
+    path = written(tmp_path, by_tag(clock, late))
+    record = read_record(path, Motor("M", columns=COLUMNS))
+    np.testing.assert_array_equal(record.time_s, clock)
+    np.testing.assert_array_equal(record["winding_degC"], TEMPERATURE)
+    np.testing.assert_allclose(record["phase_current_A"], np.interp(clock, late, CURRENT))
+
+
+def test_two_values_of_a_tag_at_one_time_are_refused(tmp_path):
+    clock = 2.0 * np.arange(N)
+    clock[7] = clock[6]
+    path = written(tmp_path, by_tag(clock, clock))
+    with pytest.raises(InputError, match="two values at one time"):
+        read_record(path)

@@ -22,6 +22,7 @@ from ...record.record import Finding
 from ...record.table import PREAMBLE, Column, Question, Stated, Table, kind_of_frames, no_signals
 from ...record.units import find_unit, is_unit
 from ..clock import TimeFormat, parse_time_format, stated_format
+from .by_tag import by_tag
 from .encoding import CODECS, decode
 from .layout import DELIMITERS, Layout, find_layout
 from .lines import (
@@ -268,9 +269,11 @@ def read_text(
             remedy="Check that the export contains the samples.",
         )
     reader = f"text, {layout.description}, {encoding}"
-    return Table(
+    table = Table(
         tuple(columns), texts, {}, tuple(notes), tuple(findings), reader, body.sample_numbers
     )
+    cells = {name: frame.iloc[:, index].rename(name) for index, name in enumerate(layout.names)}
+    return by_tag(table, cells, where)
 
 
 def _label_and_unit(
