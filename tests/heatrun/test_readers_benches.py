@@ -380,3 +380,20 @@ def test_two_values_of_a_tag_at_one_time_are_refused(tmp_path):
     path = written(tmp_path, by_tag(clock, clock))
     with pytest.raises(InputError, match="two values at one time"):
         read_record(path)
+
+
+def test_pairs_of_a_time_and_a_value_keep_their_clocks(tmp_path):
+    fast = "\n".join(f"{2 * i},{TEMPERATURE[i]},{i + 0.5},{CURRENT[i]}" for i in range(N))
+    record = read_record(written(tmp_path, f"Time [s],Coil [°C],Time [s],I_rms [A]\n{fast}"))
+    np.testing.assert_array_equal(record.time_s, 2.0 * np.arange(N))
+    np.testing.assert_array_equal(record["winding_degC"], TEMPERATURE)
+    inside = (record.time_s > 0.5) & (record.time_s < N - 0.5)
+    truth = np.interp(record.time_s, np.arange(N) + 0.5, CURRENT)
+    np.testing.assert_allclose(record["phase_current_A"][inside], truth[inside])
+    assert np.isnan(record["phase_current_A"][-3:]).all()
+
+
+def test_a_clock_that_runs_back_in_a_pair_is_left_as_a_question(tmp_path):
+    lines = "\n".join(f"{2 * i},{TEMPERATURE[i]},{i % 5},{CURRENT[i]}" for i in range(N))
+    with pytest.raises(InputError, match="both stand for time_s"):
+        read_record(written(tmp_path, f"Time [s],Coil [°C],Time [s],I_rms [A]\n{lines}"))

@@ -1,4 +1,5 @@
-"""Tables with a row for each sample of a tag, as historians and data bases export them.
+"""Tables with a row for each sample of a tag, as historians and data bases export them, or with a
+column of times before each of values.
 
 Each tag becomes a column that is empty where it has no sample of that time; the channels are then
 joined at the times of the readings (`heatrun.record.raster.at_own_rates`).
@@ -16,6 +17,7 @@ from ...errors import InputError
 from ...io.quantities import printable
 from ...record.header import split_name
 from ...record.table import Column, Stated, Table
+from ...record.units import find_unit
 
 TIMES = frozenset(("time", "timestamp", "datetime", "ts", "zeit", "zeitstempel"))
 TAGS = frozenset(
@@ -75,6 +77,29 @@ def by_tag(table: Table, cells: dict[str, pd.Series], where: str) -> Table:
     note = f"A row for each sample of a tag: each '{tag}' is read as a column.{unused}"
     return replace(table, columns=tuple(columns), text_columns={}, sample_numbers=None,
                    is_by_tag=True, notes=(*table.notes, note))  # fmt: skip
+
+
+def by_clock(table: Table) -> Table:
+    """Return a table of pairs, a time and a value, with one time; any other table as it is."""
+    clocks, values = table.columns[::2], table.columns[1::2]
+    same = {(one.name, one.unit, one.start) for one in clocks}
+    times = [one.values[np.isfinite(one.values)] for one in clocks]
+    if (
+        not len(clocks) == len(values) > 1 == len(same)
+        or find_unit(clocks[0].unit or "", "time") is None
+        or any((np.diff(one) <= 0.0).any() for one in times)
+        or all(np.array_equal(one, times[0]) for one in times)
+    ):
+        return table
+    moments = np.unique(np.concatenate(times))
+    columns = [replace(clocks[0], values=moments)]
+    for clock, held, column in zip(clocks, times, values, strict=True):
+        samples = np.full(moments.size, np.nan)
+        samples[np.searchsorted(moments, held)] = column.values[np.isfinite(clock.values)]
+        columns.append(replace(column, values=samples))
+    note = f"Each column is read by the '{clocks[0].name}' to its left."
+    return replace(table, columns=tuple(columns), sample_numbers=None, is_by_tag=True,
+                   notes=(*table.notes, note))  # fmt: skip
 
 
 def _letters(name: str) -> str:

@@ -22,7 +22,7 @@ from ...record.record import Finding
 from ...record.table import PREAMBLE, Column, Question, Stated, Table, kind_of_frames, no_signals
 from ...record.units import find_unit, is_unit
 from ..clock import TimeFormat, parse_time_format, stated_format
-from .by_tag import by_tag
+from .by_tag import by_clock, by_tag
 from .encoding import CODECS, decode
 from .layout import DELIMITERS, Layout, find_layout
 from .lines import (
@@ -273,7 +273,7 @@ def read_text(
         tuple(columns), texts, {}, tuple(notes), tuple(findings), reader, body.sample_numbers
     )
     cells = {name: frame.iloc[:, index].rename(name) for index, name in enumerate(layout.names)}
-    return by_tag(table, cells, where)
+    return by_clock(by_tag(table, cells, where))
 
 
 def _label_and_unit(
