@@ -11,9 +11,23 @@ from heatrun.errors import InputError
 from heatrun.readers.mapping import unit_of
 from heatrun.record import header
 from heatrun.record.channels import CHANNEL, CHANNELS, REQUIRED
-from heatrun.record.header import LONGEST_NAME, LONGEST_UNIT, plain, split_name, unit_of_cell
+from heatrun.record.header import (
+    LONGEST_NAME,
+    LONGEST_UNIT,
+    plain,
+    read_heading,
+    split_name,
+    unit_of_cell,
+)
 from heatrun.record.table import Column
-from heatrun.record.units import QUANTITIES, Unit, find_unit, require_unit, to_canonical
+from heatrun.record.units import (
+    QUANTITIES,
+    Unit,
+    find_unit,
+    refusal,
+    require_unit,
+    to_canonical,
+)
 
 COLUMNS = {
     "time": ("time_s", "Zeit"),
@@ -338,3 +352,32 @@ def test_names_with_units(name):
 )
 def test_cells_of_a_row_of_units(cell, unit):
     assert unit_of_cell(cell) == unit
+
+
+IN_OTHER_LETTERS = {
+    "Ток фазы, А": ("Ток фазы", "phase current", 1.0),
+    "Потери, кВт": ("Потери", "power", 1e3),
+    "Частота вращения [об/мин]": ("Частота вращения", "speed", 1.0),
+    "Момент, Н·м": ("Момент", "torque", 1.0),
+    "Varvtal [varv/min]": ("Varvtal", "speed", 1.0),
+    "TORQUE (lbf-in)": ("TORQUE", "torque", 0.1129848290276167),
+    "Torque [in-ozf]": ("Torque", "torque", 0.00706155181422604),
+    "Torque (kgf.cm)": ("Torque", "torque", 0.0980665),
+}
+
+
+@pytest.mark.parametrize("name", IN_OTHER_LETTERS)
+def test_units_in_cyrillic_and_products_in_any_order(name):
+    label, quantity, factor = IN_OTHER_LETTERS[name]
+    heading = read_heading(name)
+    assert heading.label == label
+    unit = find_unit(heading.units[0], quantity)
+    assert unit is not None
+    assert unit.factor == pytest.approx(factor, rel=1e-12)
+
+
+def test_a_unit_that_is_not_accepted_is_asked_for_in_round_brackets_too():
+    assert read_heading("Torque (kg-m)").units == ("kg-m",)
+    assert refusal("g/min", "speed")
+    assert refusal("g/min", "flow")
+    assert read_heading("Current (A-C)").units == ()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from heatrun.errors import InputError
 from heatrun.init.survey import survey
 from heatrun.readers.read import read_record
 from heatrun.readers.text.reader import read_text
@@ -95,6 +96,9 @@ def test_every_form_of_the_degree_celsius(tmp_path, sign):
     assert any("in degC" in note for note in record.notes)
 
 
+AM = {"es": "a.m.", "el": "πμ"}
+
+
 def clocks(form):
     """Return times of 0.25 s steps from 11:59:58 on, by means that the reader does not share."""
     out = []
@@ -104,7 +108,10 @@ def clocks(form):
         hour, minute = (12, 0) if second >= 60 else (11, 59)
         word = "오후" if hour == 12 else "오전"
         ms %= 1000
-        out.append(form.format(h=hour, m=minute, s=second % 60, ms=ms, cs=ms // 10, word=word))
+        halves = {"h12": hour, "es": "p. m.", "el": "μμ"} if hour == 12 else {"h12": hour, **AM}
+        out.append(
+            form.format(h=hour, m=minute, s=second % 60, ms=ms, cs=ms // 10, word=word, **halves)
+        )
     return out
 
 
@@ -120,6 +127,14 @@ CLOCKS = {
     "behind a plus": "T+{h:02d}:{m:02d}:{s:02d}.{ms:03d}",
     "with days by letter": "2d {h:02d}:{m:02d}:{s:02d}.{ms:03d}",
     "without zeros": "3/17/2025 {h}:{m}:{s}.{ms:03d}",
+    "Spanish": "17/03/2025 {h12}:{m:02d}:{s:02d}.{ms:03d} {es}",
+    "Greek": "17/03/2025 {h12}:{m:02d}:{s:02d}.{ms:03d} {el}",
+    "UTC": "2025-03-17 {h:02d}:{m:02d}:{s:02d}.{ms:03d} UTC",
+    "UTC without a date": "{h:02d}:{m:02d}:{s:02d}.{ms:03d} UTC",
+    "the year last": "Mon Mar 17 {h:02d}:{m:02d}:{s:02d}.{ms:03d} 2025",
+    "day of the year": "2025-076T{h:02d}:{m:02d}:{s:02d}.{ms:03d}",
+    "days of three digits": "001:{h:02d}:{m:02d}:{s:02d}.{ms:03d}",
+    "an apostrophe": "'25-03-17 {h:02d}:{m:02d}:{s:02d}.{ms:03d}",
 }
 
 
@@ -260,3 +275,125 @@ def test_the_same_header_again_is_a_restart_of_the_logger(tmp_path):
     assert (finding.id, finding.values["first_sample"]) == ("logger_restarted", 7)
     assert "[tests.test] use_rows = [[1, 7], [8, 12]]" in finding.remedy
     assert survey(path).findings[0].id == "logger_restarted"
+
+
+TABLES_OF_CHANNELS = {
+    "a row for each channel": (
+        'CH,Signal name,Input,Span\nCH1,"Coil U",TEMP,-200,1370,degC\n'
+        'CH2,"Phase current",DC,0,20,A\n'
+        "Number,Time,CH1,CH2\nNO.,s,degC,A\n",
+        "CH1",
+    ),
+    "the name behind the range": (
+        '"Ch","Mode","Range","Comment"\n"CH-1","Tc","2000 C","Winding U"\n'
+        '"CH-2","Voltage","10V","Phase current rms"\n"No","Time","CH-1[C]","CH-2[A]"\n',
+        "CH-1[C]",
+    ),
+    "a row for each property": (
+        '"CH","U1-1","U1-2"\n"Mode","Tc","Voltage"\n"Comment","Wicklung","Strangstrom eff"\n'
+        '"Ratio","1.0E+00","1.0E+00"\n"No","Time","U1-1[C]","U1-2[A]"\n',
+        "U1-1",
+    ),
+}
+
+
+@pytest.mark.parametrize("member", TABLES_OF_CHANNELS)
+def test_names_in_the_table_of_channels_of_a_logger(tmp_path, member):
+    head, as_written = TABLES_OF_CHANNELS[member]
+    path = written(tmp_path, head + rows(SECONDS, "{i},{time},{T},{I}"))
+    record = read_record(path)
+    np.testing.assert_array_equal(record["winding_degC"], TEMPERATURE)
+    np.testing.assert_array_equal(record["phase_current_A"], CURRENT)
+    for name in (as_written, as_written.partition("[")[0]):
+        record = read_record(path, Motor("M", columns={"housing_degC": name}))
+        np.testing.assert_array_equal(record["housing_degC"], TEMPERATURE)
+        assert "housing_degC" not in record.decided
+
+
+def test_names_that_say_something_are_not_replaced_by_a_comment(tmp_path):
+    head = "Channel,Comment\nTime,base\nCoil,Housing of U\nCH2,-\nTime,Coil [degC],CH2 [degC]\n"
+    path = written(tmp_path, head + rows(SECONDS, "{time},{T},{I}"))
+    assert list(by_name(path)) == ["Time", "Coil [degC]", "CH2 [degC]"]
+
+
+@pytest.mark.parametrize(
+    ("epoch", "count"), [(".NET", 638452123200000000), ("Windows", 133540963200000000)]
+)
+def test_counts_of_100_ns_are_known_by_their_value(tmp_path, epoch, count):
+    ticks = [f"{count + 2_500_000 * i}" for i in range(N)]
+    path = written(tmp_path, "Stamp,Coil [degC]\n" + rows(ticks, "{time},{T}"))
+    record = read_record(path)
+    np.testing.assert_array_equal(record.time_s, 0.25 * np.arange(N))
+    assert epoch in by_name(path)["Stamp"].note
+    assert by_name(path)["Stamp"].start.startswith("2024-03-05T")
+
+
+def test_a_datenum_counts_days(tmp_path):
+    days = [f"{739316.375 + i / 1024}" for i in range(N)]
+    path = written(tmp_path, "datenum,Coil [degC]\n" + rows(days, "{time},{T}"))
+    record = read_record(path, Motor("M", columns={"time_s": "datenum"}))
+    np.testing.assert_allclose(record.time_s, 84.375 * np.arange(N), atol=1e-3)
+
+
+def test_days_of_three_digits_may_be_hours_of_a_clock_with_hundredths(tmp_path):
+    clock = [f"000:00:{i:02d}:00" for i in range(N)]
+    path = written(tmp_path, "No,Clock,T1 [degC]\n" + rows(clock, "{i},{time},{T}"))
+    assert "Clock" not in by_name(path)
+
+
+def by_tag(*clocks, head="TagName,TimeStamp,Value,Quality"):
+    """Return a row for each sample of a tag, whose clocks are given in seconds."""
+    values = {"M1.WINDING_TEMP": TEMPERATURE, "M1.MOTOR_CURRENT": CURRENT}
+    lines = [
+        f"{tag},2025-03-04 13:00:{clock[i]:06.3f},{values[tag][i]},192"
+        for i in range(N)
+        for tag, clock in zip(values, clocks, strict=True)
+    ]
+    return "\n".join((head, *lines))
+
+
+COLUMNS = {"winding_degC": "M1.WINDING_TEMP [degC]", "phase_current_A": "M1.MOTOR_CURRENT [A]"}
+
+
+def test_a_row_for_each_sample_of_a_tag(tmp_path):
+    clock = 2.0 * np.arange(N)
+    path = written(tmp_path, by_tag(clock, clock))
+    record = read_record(path, Motor("M", columns=COLUMNS))
+    np.testing.assert_array_equal(record.time_s, clock)
+    np.testing.assert_array_equal(record["winding_degC"], TEMPERATURE)
+    np.testing.assert_array_equal(record["phase_current_A"], CURRENT)
+
+
+def test_tags_with_clocks_of_their_own_are_joined_at_the_readings(tmp_path):
+    clock = 2.0 * np.arange(N)
+    late = clock + 0.5 * (np.arange(N) % 3)
+    path = written(tmp_path, by_tag(clock, late))
+    record = read_record(path, Motor("M", columns=COLUMNS))
+    np.testing.assert_array_equal(record.time_s, clock)
+    np.testing.assert_array_equal(record["winding_degC"], TEMPERATURE)
+    np.testing.assert_allclose(record["phase_current_A"], np.interp(clock, late, CURRENT))
+
+
+def test_two_values_of_a_tag_at_one_time_are_refused(tmp_path):
+    clock = 2.0 * np.arange(N)
+    clock[7] = clock[6]
+    path = written(tmp_path, by_tag(clock, clock))
+    with pytest.raises(InputError, match="two values at one time"):
+        read_record(path)
+
+
+def test_pairs_of_a_time_and_a_value_keep_their_clocks(tmp_path):
+    fast = "\n".join(f"{2 * i},{TEMPERATURE[i]},{i + 0.5},{CURRENT[i]}" for i in range(N))
+    record = read_record(written(tmp_path, f"Time [s],Coil [°C],Time [s],I_rms [A]\n{fast}"))
+    np.testing.assert_array_equal(record.time_s, 2.0 * np.arange(N))
+    np.testing.assert_array_equal(record["winding_degC"], TEMPERATURE)
+    inside = (record.time_s > 0.5) & (record.time_s < N - 0.5)
+    truth = np.interp(record.time_s, np.arange(N) + 0.5, CURRENT)
+    np.testing.assert_allclose(record["phase_current_A"][inside], truth[inside])
+    assert np.isnan(record["phase_current_A"][-3:]).all()
+
+
+def test_a_clock_that_runs_back_in_a_pair_is_left_as_a_question(tmp_path):
+    lines = "\n".join(f"{2 * i},{TEMPERATURE[i]},{i % 5},{CURRENT[i]}" for i in range(N))
+    with pytest.raises(InputError, match="both stand for time_s"):
+        read_record(written(tmp_path, f"Time [s],Coil [°C],Time [s],I_rms [A]\n{lines}"))

@@ -103,6 +103,15 @@ def test_dates_and_times_are_seconds(path, times):
     np.testing.assert_allclose(read_record(path).time_s, [0.0, 0.5, 1.0, 1.5], atol=1e-6)
 
 
+@pytest.mark.parametrize("stated", ["hh:mm:ss", "h:m:s", "TT.MM.JJJJ hh:mm"])
+def test_cells_that_are_dates_need_no_format(path, stated):
+    times = [datetime(2025, 3, 4, 9, 59, 30 + i) for i in range(4)]
+    saved(path, ("Uhrzeit", "Wicklung"), (stated, "°C"), *((one, 20.0) for one in times))
+    for columns in ({}, {"time_s": "Uhrzeit [hh:mm:ss]"}):
+        record = read_record(path, Motor("M", columns=columns))
+        np.testing.assert_array_equal(record.time_s, [0.0, 1.0, 2.0, 3.0])
+
+
 def test_a_clock_that_passes_midnight_in_a_column_of_times(path):
     book = saved(path, ("Time", "winding_degC"))
     sheet = book.worksheets[0]

@@ -365,3 +365,12 @@ def test_damaged_and_empty_files(path):
     pd.DataFrame({"a": np.empty(0)}).to_parquet(path)
     with pytest.raises(InputError, match="at least one row"):
         read_raw(path)
+
+
+def test_a_group_of_another_length_is_to_be_a_file_of_its_own(tmp_path):
+    short = {"Slow/ambient": (np.full(N // 2, 295.0), {"units": "K"})}
+    table = read_raw(hdf5(tmp_path / "test.h5", VARIABLES | short))
+    (finding,) = (one for one in table.findings if one.id == "variables_left_out")
+    assert "Slow/ambient" in finding.message
+    assert "a file of their own" in finding.remedy
+    assert "save(" not in finding.remedy

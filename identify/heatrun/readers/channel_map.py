@@ -161,6 +161,7 @@ def _claimed(
         [column for column in pool if claim.base and column.name == claim.base],
         [column for column in pool if claim.label in (column.name, column.label)],
         [column for column in pool if claim.text == column.label],
+        [column for column in pool if column.heading and claim.label in _headed(column)],
         [column for column in pool if claim.label == _stem(column, quantity)],
         _with_unit_left(claim, pool),
     ):
@@ -186,6 +187,11 @@ def _claimed(
         where=where,
         remedy=f"{instead_of(claim)} Columns are: {', '.join(names)}.".strip(),
     )
+
+
+def _headed(column: Column) -> tuple[str, str]:
+    """Return what stands over a column, with and without its unit."""
+    return column.heading, read_heading(column.heading).label
 
 
 def _by_resistance(claim: Claim, column: Column, where: str) -> Claim:
@@ -286,7 +292,7 @@ def _add_claimed(mapping: MappedColumns, claim: Claim, column: Column) -> None:
             )
         )
     # the name as it stands in the file says nothing of its own
-    is_decided = column.name != claim.text
+    is_decided = claim.text not in (column.name, column.heading)
     mapping.add(channel, column, decided, "[columns]", "stated", is_decided=is_decided)
 
 

@@ -284,10 +284,30 @@ SHORT_FRACTION = re.compile(
 NO_YEAR = "1904"
 """Stands for the year where a date has none: a leap year before `FIRST_YEAR`, so no day is told."""
 
+
+def _half(found: re.Match[str]) -> str:
+    """Return the half of a day, written in Spanish or Greek, as AM or PM."""
+    return f" {(found[1] or ('p' if found[2] else 'a')).upper()}M"
+
+
+def _of_year(found: re.Match[str]) -> str:
+    """Return the day of a year, such as 2024-065, as a date; as it is if there is no such day."""
+    try:
+        return f"{datetime.datetime.strptime(f'{found[1]} {found[2]}', '%Y %j'):%Y-%m-%d}"
+    except ValueError:
+        return found[0]
+
+
 LETTERED = (
     (re.compile(r"^[\[(]\s*(.*)[\])]$"), r"\1"),
-    (re.compile(r"^T?\+\s*(?=[0-9]+:)|\s*Uhr$"), ""),
+    (re.compile(r"^T?\+\s*(?=[0-9]+:)|\s*Uhr$|^'(?=[0-9])"), ""),
+    (re.compile(r"(?<=[0-9])\s*(?:([AaPp])\.\s?[Mm]\.?|(?:π\.?|(μ\.?))\s?μ\.?)$"), _half),
+    (re.compile(r"^([0-9]{1,2}:[0-9:.,]+)\s*(?:UTC|GMT)$"), r"\1"),
+    (re.compile(r"(?<=[0-9])\s*(?:UTC|GMT)$"), "Z"),
+    (re.compile(r"^([0-9]{4})[-/]([0-9]{3})(?=[T ])"), _of_year),
     (re.compile(r"^(?:mon|tue|wed|thu|fri|sat|sun)[a-z]*[.,]?\s+(?=[0-9A-Z])", re.IGNORECASE), ""),
+    # behind the day of the week, as C and Unix write it
+    (re.compile(r"^([A-Z][a-z]{2}) +([0-9]{1,2}) ([0-9:.,]+) ([0-9]{4})$"), r"\2-\1-\4 \3"),
     (re.compile(r"([0-9]+)[年년]\s*([0-9]+)[月월]\s*([0-9]+)[日일]\s*"), r"\1-\2-\3 "),
     (re.compile(r"(?:上午|午前|오전)\s*(\S+)"), r"\1 AM"),
     (re.compile(r"(?:下午|午後|오후)\s*(\S+)"), r"\1 PM"),

@@ -136,6 +136,9 @@ DIMENSION_ALONE = "This is a netCDF dimension but not a netCDF variable"
 
 WHAT = "a MAT file"
 REMEDY = "Save the signals as numeric vectors of one length: save('test.mat', 't', 'Is', …)."
+OF_GROUPS = (
+    "Save vectors of another length, with their time, as a file of their own: A.h5+B.h5 joins."
+)
 
 
 def read_mat(data: bytes, where: str) -> Table:
@@ -326,7 +329,7 @@ def table_of(
                 columns.append(value.column(leaf.name, np.full(length, number)))
         else:
             left_out.append(leaf)
-    findings = _left_out(left_out, length, where)
+    findings = _left_out(left_out, length, where, is_grouped=joint == "/")
     return Table(tuple(columns), {}, constants, (), findings, reader)
 
 
@@ -364,7 +367,9 @@ def _remedy(found: Sequence[Leaf]) -> str:
     )
 
 
-def _left_out(found: Sequence[Leaf], length: int, where: str) -> tuple[Finding, ...]:
+def _left_out(
+    found: Sequence[Leaf], length: int, where: str, *, is_grouped: bool
+) -> tuple[Finding, ...]:
     if not found:
         return ()
     names = [f"{one.name} ({_kind(one.value)})" for one in found]
@@ -374,7 +379,7 @@ def _left_out(found: Sequence[Leaf], length: int, where: str) -> tuple[Finding, 
             severity="warning",
             message=f"Not vectors of {length} numbers and left out: {', '.join(names)}.",
             where=where,
-            remedy=_remedy(found),
+            remedy=OF_GROUPS if is_grouped else _remedy(found),
             values={"count": len(names), "length": length},
         ),
     )

@@ -187,7 +187,7 @@ def read_record(
         channels = with_missing_rows(channels, table.sample_numbers)
     channels = {"time_s": time_s} | {key: channels[key] for key in channels if key != "time_s"}
     if measurement is None:
-        channels, joined = at_own_rates(channels, where)
+        channels, joined = at_own_rates(channels, where, is_by_tag=table.is_by_tag)
         missing = (*missing, *joined)
     channels, derived = derive(channels, phases=motor.phases, losses=motor.losses)
     test = name or name_of_test(Path(path), sheet)

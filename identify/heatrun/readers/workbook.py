@@ -216,9 +216,9 @@ def as_text(value: Any, epoch: datetime) -> str:
     if isinstance(value, datetime):
         if value.year <= max(FIRST_YEAR, epoch.year):
             return _clock(float(to_excel(value, epoch)) * DAY_S)
-        return value.isoformat(sep=" ")
+        return value.isoformat()
     if isinstance(value, date):
-        return f"{value.isoformat()} 00:00:00"
+        return f"{value.isoformat()}T00:00:00"
     if isinstance(value, time):
         since = timedelta(0, value.second, value.microsecond, 0, value.minute, value.hour)
         return _clock(since.total_seconds())

@@ -179,7 +179,7 @@ def between_samples(values: np.ndarray) -> np.ndarray:
 
 
 def at_own_rates(
-    channels: Mapping[str, np.ndarray], where: str
+    channels: Mapping[str, np.ndarray], where: str, *, is_by_tag: bool = False
 ) -> tuple[dict[str, np.ndarray], tuple[Finding, ...]]:
     """Return channels without empty cells where their own rate left these, and a note for each.
 
@@ -188,11 +188,13 @@ def at_own_rates(
     Args:
         channels: Canonical name to values, with `time_s`, NaN where empty, shape (time,).
         where: The file, for messages.
+        is_by_tag: Each channel has times of its own, near to those of the others.
     """
     channels = _merged(channels)
     time_s = channels["time_s"]
     held = {name: np.isfinite(values) for name, values in channels.items() if name != "time_s"}
     slow = {name for name in held if own_step(channels[name]) > 1}
+    slow |= {name for name in held if is_by_tag and not held[name].all()}
     if not slow or not (np.diff(time_s[np.isfinite(time_s)]) > 0.0).all():
         return dict(channels), ()
     nothing = np.zeros(time_s.size, dtype=bool)
@@ -215,7 +217,7 @@ def at_own_rates(
         filled[name][empty] = np.where(is_near, np.interp(time_s[empty], at, values), np.nan)
         if name in slow:
             findings.append(_joined(name, step_s, int(empty.sum()), time_s.size, where))
-    kept = read | dense if dense.any() else ~nothing
+    kept = read | dense if dense.any() or (is_by_tag and read.any()) else ~nothing
     return {name: values[kept] for name, values in filled.items()}, tuple(findings)
 
 

@@ -110,6 +110,7 @@ class Table:
         reader: Format and what was sniffed: "CSV, ';', decimal comma, UTF-8".
         sample_numbers: Which sample each row is, from 0, shape (time,), where lines without a
             sample stand between the rows; None where every line is a row.
+        is_by_tag: Each column has times of its own; its cells at those of others are empty.
     """
 
     columns: tuple[Column, ...]
@@ -119,6 +120,7 @@ class Table:
     findings: tuple[Finding, ...] = ()
     reader: str = ""
     sample_numbers: np.ndarray | None = None
+    is_by_tag: bool = False
 
     @property
     def num_rows(self) -> int:

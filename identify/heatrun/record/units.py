@@ -78,10 +78,16 @@ def _per(first: Iterable[str], last: Iterable[str]) -> tuple[str, ...]:
     return tuple(f"{one}/{other}" for one in first for other in last)
 
 
+def _products(forces: Iterable[str], length: str) -> tuple[str, ...]:
+    """Return a force times a length, in either order and with any sign between, as "in-lbf"."""
+    pairs = [pair for force in forces for pair in ((force, length), (length, force))]
+    return tuple(sign.join(pair) for pair in pairs for sign in (" ", "-", "."))
+
+
 LITRE = ("L", "l", "litre", "litres", "liter", "liters", "Ltr")
 
 REVOLUTION = ("rev", "revs", "revolutions", "turns", "Umdrehungen", "Umdr.", "giri", "tours", "tr",
-              "U", "r", "obr", "ot")  # fmt: skip
+              "U", "r", "obr", "ot", "varv", "omw", "omdr", "ford", "rot")  # fmt: skip
 
 QUANTITIES: dict[str, tuple[Unit, ...]] = {
     "time": (
@@ -97,7 +103,7 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
         Unit("h", ("hr", "hrs", "hour", "hours", "Std", "Std.", "Stunde", "Stunden", "ora", "ore",
                    "heure", "heures", "horas", "小时", "小時"), 3600.0),
         # no "day" and no "Tag": "time of day" and "time tag" name times of other units
-        Unit("days", ("d", "Tage", "giorni", "jours"), 86400.0),
+        Unit("days", ("d", "Tage", "giorni", "jours", "datenum"), 86400.0),
     ),
     "temperature": (
         Unit("degC", ("°C", "C", "deg C", "deg. C", "deg_C", "deg-C", "Celsius", "degree C",
@@ -106,8 +112,7 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
                       "degré Celsius", "degrés Celsius", "degres Celsius", "degrés C",
                       "grados Celsius", "摄氏度", "攝氏度", "摂氏", "섭씨", "centigrade",
                       "degrees centigrade", "Cel", "oC", "Â°C",
-                      "°\u0421", "&deg;C",  # a Cyrillic letter; a page of the web
-                      "\ufffdC", "?C")),
+                      "&deg;C", "\ufffdC", "?C")),  # of a page of the web
         Unit("K", ("kelvin", "kelvins", "degK", "deg K", "deg_K", "°K", "degrees kelvin",
                    "Grad Kelvin", "gradi Kelvin"), 1.0, -273.15),
         Unit("degF", ("°F", "F", "deg F", "deg. F", "deg_F", "degree F", "degrees F",
@@ -158,7 +163,7 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
                      "rev per min", "rev per minute", "revs per minute", "revolutions per minute",
                      "revolutions per min", "turns per minute", "Umdrehungen pro Minute",
                      "giri al minuto", "tours par minute", "tr/mn", "rev_per_min",
-                     "转/分", "轉/分", "转每分钟", "回転/分", "회전/분",
+                     "转/分", "轉/分", "转每分钟", "回転/分", "회전/분", "dev/dk", "d/dk",
                      *_per(REVOLUTION, ("min", "minute")))),
         Unit("krpm", ("k rpm", "kRPM", "1000 U/min", "1000 r/min", "1000 rpm", "1000/min",
                       "1000 1/min", "10^3 rpm", "10³ rpm",
@@ -181,11 +186,12 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
         Unit("Nmm", ("N·mm", "N mm", "N.mm", "N-mm", *_newton("", "milli")), 1e-3),
         Unit("daNm", ("daN·m", "daN m", "daN.m", "daN-m", *_newton("deca")), 10.0),
         # NIST SP 811 (2008), appendix B.8: foot, inch and ounce pound-force, kilogram-force
-        Unit("lbf·ft", ("lb-ft", "lbf ft", "lb ft", "ft-lb", "ft lbf", "lb.ft", "ft.lb", "lbf-ft",
-                        "ft-lbf", "ft-lbs", "foot-pounds", "pound-feet"), 1.3558179483314004),
-        Unit("lbf·in", ("lb-in", "lbf in", "in-lb", "in-lbs"), 0.1129848290276167),
-        Unit("ozf·in", ("oz-in", "ozf in", "in-oz"), 0.00706155181422604),
-        Unit("kgf·m", ("kgf m", "kp m", "kpm", "kgf-m"), 9.80665),
+        Unit("lbf·ft", ("foot-pounds", "pound-feet", *_products(("lbf", "lb", "lbs"), "ft")),
+             1.3558179483314004),
+        Unit("lbf·in", _products(("lbf", "lb", "lbs"), "in"), 0.1129848290276167),
+        Unit("ozf·in", _products(("ozf", "oz"), "in"), 0.00706155181422604),
+        Unit("kgf·m", ("kp m", "kpm", *_products(("kgf",), "m")), 9.80665),
+        Unit("kgf·cm", _products(("kgf",), "cm"), 0.0980665),
     ),
     "flow": (
         Unit("L/min", ("lpm", "l min-1", "L min^-1", "L per min", "L_per_min", "litres per minute",
@@ -254,11 +260,12 @@ REFUSED: dict[str, dict[str, str]] = {
         **dict.fromkeys(
             ("1/s", "s-1", "s^-1", "/s", "1/sec"), "it may be revolutions or radians per second"
         ),
+        "g/min": "it may be giri or grams per minute",
         "eRPM": "the electrical speed is the shaft's times the pole pairs",
     },
     "flow": {
         **dict.fromkeys(("gpm", "gal/min"), "the American and the British gallon differ"),
-        **dict.fromkeys(("kg/min", "kg/h", "kg/s", "g/s"), "it is a mass, not a volume"),
+        **dict.fromkeys(("kg/min", "kg/h", "kg/s", "g/s", "g/min"), "it is a mass, not a volume"),
     },
 }
 """Units that exist but do not determine the channel, with the reason."""
@@ -279,8 +286,11 @@ SHORTEST_MISSPELLING = 4
 MADE_UP = re.compile(
     r"(?:µ|u|n|m|k|M|G)(?:W|V|A|VA|var|Wh|J|N|Nm|Hz|Pa|bar|ohm|Ohm|Ω|K|min|L)"
     r"|\S{1,7}/(?:s|sec|min|h|hr|m|m2|m3|kg|K)"
+    r"|(?:lbf?|lbs|ozf?|kgf?|kp|gf?)[.-](?:in|inch|ft|mm|cm|m)"
+    r"|(?:in|inch|ft|mm|cm|m)[.-](?:lbf?|lbs|ozf?|kgf?|kp|gf?)"
 )
-"""Words that are units by their form: a prefix of the SI and a unit, or something per time."""
+"""Words that are units by their form: a prefix of the SI and a unit, something per time, or a force
+times a length."""
 
 FOREIGN = frozenset(
     ("Wh", "VA", "var", "bar", "Pa", "hPa", "psi", "kg", "mm", "cm", "ohm", "Ω", "Ohm", "dB", "rad",
@@ -296,11 +306,21 @@ DEGREES: dict[int, str] = dict.fromkeys(map(ord, "º˚ﾟ゜\u309a∘◦⁰ᵒ")
 """Signs that stand for the degree of a temperature, to the plain one."""
 
 
+CYRILLIC = {
+    "кгс": "kgf", "мин": "min", "сек": "s", "час": "h", "рад": "rad", "Вт": "W", "Ом": "ohm",
+    "об": "rev", "Гц": "Hz", "л": "L", "м": "m", "к": "k", "А": "A", "В": "V", "Н": "N", "с": "s",
+    "ч": "h", "С": "C", "К": "K", "М": "M",
+}  # fmt: skip
+"""What units in Russian are made of, the longer ones first."""
+
+IN_CYRILLIC = re.compile("|".join(CYRILLIC))
+
+
 @lru_cache(maxsize=4096)
 def _key(spelling: str) -> str:
     """Return a spelling without what carries no meaning: blanks, signs of degree and product."""
     text = spelling.strip().translate(DEGREES)  # NFKC would turn some of them into letters
-    text = unicodedata.normalize("NFKC", text)
+    text = IN_CYRILLIC.sub(lambda part: CYRILLIC[part[0]], unicodedata.normalize("NFKC", text))
     return re.sub(r"[\s·∙⋅・*]+", "", text.replace("−", "-").replace("μ", "µ"))
 
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import itertools
 import re
 from collections import defaultdict
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,7 +19,14 @@ from ...record.channels import TIME_NAMES
 from ...record.header import LONGEST_NAME, plain, read_heading
 from ...record.units import is_unit
 from ..labels import without_sure_unit
-from .remarks import COMMENTS, is_comment, is_remark, uncommented, units_of_row
+from .remarks import (
+    COMMENTS,
+    is_comment,
+    is_remark,
+    names_of_inputs,
+    uncommented,
+    units_of_row,
+)
 from .values import (
     GROUPED,
     filled,
@@ -174,6 +181,7 @@ class Layout:
         above: How the lines above the data begin.
         num_optional: Columns at the end that a line may leave out, such as one of comments.
         num_settings: Lines of as many numbers above the names, under other names.
+        called: What the logger calls its inputs, by column.
         is_unsettled: Every number with the decimal sign may be a whole one with a separator of
             thousands.
     """
@@ -190,6 +198,7 @@ class Layout:
     above: frozenset[str] = frozenset()
     num_optional: int = 0
     num_settings: int = 0
+    called: Mapping[int, str] = field(default_factory=dict)
 
     @property
     def description(self) -> str:
@@ -263,11 +272,12 @@ def find_layout(
         len(trimmed(rows[header])) == width + 1 and rows[header][width].casefold() in COMMENTS
     )
     width += num_optional
+    names = _names(lines[header], rows[header], delimiter, width, where)
     return Layout(
         delimiter,
         decimal,
         width,
-        _names(lines[header], rows[header], delimiter, width, where),
+        names,
         tuple(in_columns(row, width) for row in units),
         tuple(said for line in above if (said := line.strip(' \t",;|'))),
         first,
@@ -276,6 +286,7 @@ def find_layout(
         frozenset(filter(None, (first_word(line, delimiter) for line in lines[:first]))),
         num_optional,
         num_settings,
+        names_of_inputs(rows[:header], names),
     )
 
 

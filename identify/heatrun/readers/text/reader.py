@@ -17,11 +17,12 @@ import pandas as pd
 from ...errors import InputError
 from ...io.quantities import printable
 from ...record.channels import Claim, Columns, parse_claims
-from ...record.header import split_name
+from ...record.header import read_heading, split_name
 from ...record.record import Finding
 from ...record.table import PREAMBLE, Column, Question, Stated, Table, kind_of_frames, no_signals
 from ...record.units import find_unit, is_unit
 from ..clock import TimeFormat, parse_time_format, stated_format
+from .by_tag import by_clock, by_tag
 from .encoding import CODECS, decode
 from .layout import DELIMITERS, Layout, find_layout
 from .lines import (
@@ -241,8 +242,9 @@ def read_text(
         is_foreign = unit is not None and is_unit(unit) and find_unit(unit, "time") is None
         if values.is_time and (stated is not None or not is_foreign):
             unit = "s"
-        columns.append(Column(name, label, unit, values.numbers, values.note, beside,
-                              question=values.question, start=values.start))  # fmt: skip
+        column = Column(name, label, unit, values.numbers, values.note, beside,
+                        question=values.question, start=values.start)  # fmt: skip
+        columns.append(_called(column, layout.called.get(index)))
         found = (unreadable_cells(values, name, body.numbers, where), doubtful(values, name, where))
         findings += [finding for finding in found if finding is not None]
     _refuse_second_header(unreadable, body.numbers, where)
@@ -267,9 +269,11 @@ def read_text(
             remedy="Check that the export contains the samples.",
         )
     reader = f"text, {layout.description}, {encoding}"
-    return Table(
+    table = Table(
         tuple(columns), texts, {}, tuple(notes), tuple(findings), reader, body.sample_numbers
     )
+    cells = {name: frame.iloc[:, index].rename(name) for index, name in enumerate(layout.names)}
+    return by_clock(by_tag(table, cells, where))
 
 
 def _label_and_unit(
@@ -284,6 +288,17 @@ def _label_and_unit(
         unit = stated.text
     claimed = parse_time_format(hints.unit_of(name, label) or "")
     return label, unit, claimed or stated
+
+
+def _called(column: Column, called: str | None) -> Column:
+    """Return a column with what a table of channels calls it behind the name of its input."""
+    if called is None:
+        return column
+    label, unit = split_name(called)
+    said = () if unit is None else (Stated(unit, "the table of channels"),)
+    name = f"{read_heading(column.name).label} {called}"
+    return replace(column, name=name, label=label, unit=column.unit or unit,
+                   beside=(*column.beside, *said), heading=column.name)  # fmt: skip
 
 
 def _with_milliseconds(columns: list[Column]) -> list[Column]:

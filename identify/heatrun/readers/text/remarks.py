@@ -17,10 +17,11 @@ number, as in "Rated power [kW]; 50", are no statements about columns.
 
 from __future__ import annotations
 
+import itertools
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 
-from ...record.header import is_name, plain, split_name, unit_of_cell
+from ...record.header import LONGEST_NAME, is_name, plain, read_heading, split_name, unit_of_cell
 from ...record.table import Stated
 from ...record.units import LONGEST_UNIT, is_unit, looks_like_unit
 from ..labels import without_sure_unit
@@ -102,6 +103,15 @@ X_NAME, X_KIND, X_START, X_STEP = "x_value", "x_dimension", "x0", "delta_x"
 COMMENTS = frozenset(("comment", "comments", "remark", "remarks", "kommentar", "bemerkung"))
 """Names of a column of remarks, in lower case, which lines of data may leave out."""
 
+CALLED = COMMENTS | frozenset(
+    ("signal name", "signal", "signalname", "name", "names", "channel name", "kanalname", "label",
+     "labels", "tag", "tag name", "description", "bezeichnung", "beschreibung", "nome", "nom")
+)  # fmt: skip
+"""Heads, in lower case, under which a logger's table of channels holds what it calls each."""
+
+INPUT = re.compile(r"[^\W\d_]{0,9}[ _.\-]?[0-9]+(?:[ _.:/\-][0-9]+)*")
+"""An input of a logger, such as CH-8 or U1-2: it says nothing of what is measured."""
+
 PIECE = re.compile(r"[;,\t|]")
 CELL = re.compile(r"\s*[;,:=\t|]\s*")
 SINCE = re.compile(r"(?P<unit>[A-Za-zµ]+)\s+since\b.*", re.IGNORECASE)
@@ -177,6 +187,41 @@ def units_of_remarks(lines: Sequence[str], names: Sequence[str]) -> tuple[tuple[
         for label, unit in _pairs(listed["rest"] if listed else text):
             _add_pair(found, label, unit, known, source)
     return tuple(tuple(said) for said in found)
+
+
+def names_of_inputs(rows: Sequence[Sequence[str]], names: Sequence[str]) -> dict[int, str]:
+    """Return by column what a table of channels above the names calls the inputs of a logger.
+
+    It has a row for each channel, or one for each property with the channels in another.
+    """
+    labels = (read_heading(name).label if len(name) <= LONGEST_NAME else "" for name in names)
+    inputs = {one.casefold(): k for k, one in enumerate(labels) if INPUT.fullmatch(one)}
+    found: dict[int, str] = {}
+    for table in (rows, _by_property(rows, inputs)):
+        place = None
+        for row in table:
+            column = inputs.get(row[0].casefold()) if row else None
+            if column is None:
+                heads = [k for k, cell in enumerate(row) if k and cell.casefold() in CALLED]
+                place = heads[0] if heads else None
+            elif place is not None and place < len(row):
+                found.setdefault(column, row[place])
+    return {
+        column: called
+        for column, called in found.items()
+        if re.search(r"[^\W\d_]{2}", called) and called.casefold() not in inputs
+        and len(called) <= LONGEST_NAME
+    }  # fmt: skip
+
+
+def _by_property(rows: Sequence[Sequence[str]], inputs: Container[str]) -> list[tuple[str, ...]]:
+    """Return a table of channels with a row for each property, turned; empty without one."""
+    for first, row in enumerate(rows):
+        cells = [cell for cell in row[1:] if cell]
+        if len(cells) > 1 and all(cell.casefold() in inputs for cell in cells):
+            below = itertools.takewhile(lambda one: len(one) > 1, rows[first:])
+            return list(itertools.zip_longest(*below, fillvalue=""))
+    return []
 
 
 def stated_raster(lines: Sequence[str]) -> tuple[float, float] | None:

@@ -6,6 +6,7 @@ Which decimal sign numbers have is judged with them, and whether the file settle
 from __future__ import annotations
 
 import csv
+import datetime
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -212,6 +213,14 @@ STAMPS = 19900101000000, 21000101000000
 STAMP = r"(\d{4})(\d{2})(\d{2})([01]\d|2[0-3])([0-5]\d)([0-5]\d)"
 
 
+TICK_S = 1e-7
+TICKS = {
+    "1, as .NET counts": (datetime.datetime(1, 1, 1), 6.2e17, 6.5e17),
+    "1601, as Windows counts": (datetime.datetime(1601, 1, 1), 1.2e17, 1.4e17),
+}
+"""Counts of 100 ns that are times between about 1965 or 1981 and 2060 or 2044."""
+
+
 def read_values(
     cells: pd.Series,
     decimal: str,
@@ -235,10 +244,12 @@ def read_values(
         return Values(cells.to_numpy(dtype=float), note="true and false read as 1 and 0")
     if pd.api.types.is_numeric_dtype(cells.dtype):
         numbers = cells.to_numpy(dtype=float, na_value=np.nan)
-        return _read_stamps(numbers, name) or _finite(numbers)
+        return _read_ticks(cells, numbers) or _read_stamps(numbers, name) or _finite(numbers)
     texts = cells.astype(object).where(cells.notna(), "").astype(str).str.strip().map(bare)
     lower = texts.str.lower()
     missing = lower.isin(list(MISSING)).to_numpy()
+    if stated is not None and stated.order != "year-month-day":
+        stated = None if texts[~missing].str.fullmatch(ISO_8601).all() else stated
     if stated is not None and not missing.all():
         best = _read_stated(texts, missing, stated, name)
     else:
@@ -347,7 +358,17 @@ def _read_numbers(texts: pd.Series, decimal: str, has_thousands: bool) -> Values
     return Values(np.where(np.isinf(numbers), np.nan, numbers))
 
 
+LONG_DAYS = r"^([0-9]{3}):([0-9]{2}:[0-5][0-9]:[0-5][0-9](?:\.[0-9]*)?)$"
+"""Days in three digits before a clock."""
+
+ISO_8601 = r"[0-9]{4}-[0-9]{2}-[0-9]{2}T[0-9]{2}:[0-9]{2}.*"
+"""Dates with a time that say themselves how they are written, as those of a workbook do."""
+
+
 def _read_clock(texts: pd.Series, name: str) -> Values | None:
+    long = texts.str.extract(LONG_DAYS)
+    if long[0].notna().any() and not texts.str.endswith(":00").all():  # else maybe hundredths
+        return read_days(long[0] + " days " + long[1])
     if texts.str.fullmatch(DAYS).any():
         return read_days(texts)
     if not texts.str.fullmatch(CLOCK).any():
@@ -365,6 +386,26 @@ def _read_dates(texts: pd.Series, name: str) -> Values | None:
 
 def _without_year(column: Values) -> Values:
     return replace(column, note=column.note.replace(f".{NO_YEAR} ", ". "))
+
+
+def _read_ticks(cells: pd.Series, numbers: np.ndarray) -> Values | None:
+    """Return times in counts of 100 ns, None if not all numbers are such; no unit says them."""
+    known = np.isfinite(numbers)
+    for since, (epoch, low, high) in TICKS.items():
+        if not known.any() or not np.all((numbers[known] >= low) & (numbers[known] < high)):
+            continue
+        first = int(cells[known].iloc[0])
+        # the difference first: 64 bits of a float hold such a number to 13 µs
+        seconds = (cells - first).to_numpy(dtype=float, na_value=np.nan) * TICK_S
+        start = epoch + datetime.timedelta(microseconds=first // 10)
+        return Values(
+            np.round(seconds, 7),
+            f"read as 100 ns since the year {since}, seconds from {start:%Y-%m-%d %H:%M:%S}",
+            start=start.isoformat(timespec="microseconds"),
+            is_time=True,
+            unreadable=np.isinf(numbers),
+        )
+    return None
 
 
 def _read_stamps(numbers: np.ndarray, name: str) -> Values | None:
