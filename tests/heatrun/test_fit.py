@@ -190,7 +190,7 @@ def test_the_mass_around_an_optimum_is_that_of_the_linear_model(fitted):
         residual, jacobian = problem.linearised(z)
         if by == "heatrun":
             rows = map(problem.lengthened, (residual, jacobian))
-            return float(fit_module._log_mass(problem.data, noise_z, z, *rows))
+            return float(fit_module._log_mass(problem.readings, noise_z, z, *rows))
         white = whiten_fit(problem, noise_z, residual, jacobian)
         value, slope = np.concatenate(white.residuals), white.jacobian
         precision = slope.T @ slope + np.eye(z.size)
