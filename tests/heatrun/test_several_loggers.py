@@ -283,6 +283,14 @@ def test_a_phase_that_reads_wrongly_is_no_part_of_a_mean(
     assert 'phase_current_A = "mean(I_U, I_V)"' in finding.remedy
 
 
+def test_a_marker_in_one_phase_is_no_phase_that_is_alone(tmp_path):
+    columns = {"I_U": AMPERES.copy(), "I_V": AMPERES, "I_W": AMPERES, "T": U}
+    columns["I_U"][500] = 32767.0
+    line = 'phase_current_A = "mean(I_U, I_V, I_W) [A]"'
+    record = read(tmp_path, columns, f'{line}\nwinding_degC = "T [degC]"')
+    assert not [one for one in record.findings if one.id == "sensors_differ"]
+
+
 LASTING = np.where(SECONDS > 100, 12.0, 0.0)
 
 

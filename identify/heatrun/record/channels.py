@@ -348,10 +348,9 @@ elsewhere: phases of one winding differ by a few kelvin."""
 FLOWS = 0.2
 """In parts of the largest current [1]: below, offsets of the clamps decide."""
 
-UNBALANCE, PHASE_OFF, NOTHING, LONE = 0.1, 0.2, 0.02, 0.01
+UNBALANCE, PHASE_OFF, NOTHING = 0.1, 0.2, 0.02
 """Phases of a balanced machine agree to this share [1]; one that differs by the second is its
-clamp's, its range's or its winding's; one below the third is dead. The last is the share of all
-squares that the others have at most where one phase is alone."""
+clamp's, its range's or its winding's; one below the third is dead."""
 
 SPAN_SAMPLES, MOST_SPANS, MOSTLY = 10, 48, 0.9
 """Phases are compared in spans of so many samples under load at least, and so many spans at most;
@@ -475,9 +474,11 @@ def _phase_differs(
     names, stacked = list(parts), np.stack(list(parts.values()))
     known = np.all(np.isfinite(stacked), axis=0)
     time_s, stacked = time_s[known], stacked[:, known]
-    power = np.mean(stacked**2, axis=1)
-    if len(names) > 2 and np.sum(power) > 0.0 and np.max(power) > (1.0 - LONE) * np.sum(power):
-        lone = names[int(np.argmax(power))]
+    largest = np.max(np.abs(stacked), axis=0)
+    flows = largest > FLOWS * (np.quantile(largest, 0.99) if largest.size else 0.0)
+    typical = np.median(np.abs(stacked[:, flows]) / largest[flows], axis=1) if flows.any() else ()
+    if len(names) > 2 and np.sum(np.less(typical, NOTHING)) == len(names) - 1:
+        lone = names[int(np.argmax(typical))]
         rest = " and ".join(name for name in names if name != lone)
         return Finding(
             "sensors_differ",
