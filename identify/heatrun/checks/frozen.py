@@ -27,7 +27,7 @@ from ..record.samples import (
 )
 from ..record.stretch import windows, within
 from .advice import Remedy, mask_line, use_line
-from .load_spike import QUANTITIES as OF_THE_LOAD
+from .load_spike import of_the_load
 from .quick_fit import QuickFit, course_of, fit_of, quick_fit
 from .time_axis import MAX_GAP_S, MAX_GAP_SHARE
 from .unexplained import Movement, unexplained_movement
@@ -294,8 +294,7 @@ def load_stuck(record: Record, _: Motor) -> Iterator[Finding]:
     load that is set, not measured, may stand still.
     """
     told: list[tuple[float, float]] = []
-    read = [one.channel for one in record.mapping] or list(record.channels)
-    load = [n for n in read if n in record and n in CHANNEL and CHANNEL[n].quantity in OF_THE_LOAD]
+    load = of_the_load(record)
     for channel in load:
         held = _longest_held(record, channel)
         if held is None or abs(held[2]) <= REST_SHARE * np.nanmax(np.abs(record[channel])):

@@ -59,6 +59,16 @@ STEADY = 0.5
 draws more than its load, for a moment."""
 
 
+def of_the_load(record: Record) -> list[str]:
+    """Return the channels of the load that were read: what follows from a column says the same."""
+    read = {one.channel for one in record.mapping} or record.channels.keys()
+    return [
+        name
+        for name in record.channels
+        if name in read and name in CHANNEL and CHANNEL[name].quantity in QUANTITIES
+    ]
+
+
 def load_spike(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report samples of current, powers, torque, speed or voltage that no machine had.
 
@@ -66,11 +76,7 @@ def load_spike(record: Record, motor: Motor) -> Iterator[Finding]:
     contradict, or whose heat the winding does not show.
     """
     read = {one.channel: one for one in record.mapping}
-    for name in record.channels:
-        if name not in CHANNEL or CHANNEL[name].quantity not in QUANTITIES:
-            continue
-        if read and name not in read:
-            continue  # what follows from a column says the same
+    for name in of_the_load(record):
         time_s, values = samples(record, name)
         is_far, rest = _beyond(values)
         is_near = not is_far.any()
