@@ -390,7 +390,22 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
         MOTOR, "warning",
     ),
     "no load": (
-        "load_stuck", edited(CLEAN, "losses_W", 1000.0, 1400.0, 0.0), MOTOR, None
+        "load_stuck",
+        edited(edited(CLEAN, "losses_W", 1000.0, 1400.0, 0.0), "phase_current_A", 1000.0, 1400.0,
+               0.0),
+        MOTOR, None,
+    ),
+    "no power under current": (
+        "load_stuck", edited(CLEAN, "losses_W", 1000.0, 1060.0, 0.0), MOTOR, "error"
+    ),
+    "ambient open for a while": (
+        "sensor_detached", edited(CLEAN, "ambient_degC", 1000.0, 1100.0, 850.0), MOTOR, "error"
+    ),
+    "winding that reads nothing": (
+        "sensor_detached", edited(CLEAN, "winding_degC", 1000.0, 1000.5, 0.0), MOTOR, "error"
+    ),
+    "winding that begins at 0 degC": (
+        "sensor_detached", heat_run(start=0.0), MOTOR, None
     ),
     "torque of one scale": ("shaft_power_disagrees", motor_and_generator(0.0), MOTOR, None),
     "generator half a percent off": (

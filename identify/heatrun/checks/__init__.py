@@ -38,7 +38,7 @@ from .load_spike import load_spike, spike_windows
 from .losses import current_amplitude, losses_below_copper, losses_negative, losses_of_shaft
 from .presence import missing_channel, nan_block, too_few_samples
 from .same_quantity import columns_disagree
-from .sensor import sensor_detached, temperature_jump
+from .sensor import open_spans, sensor_detached, temperature_jump
 from .standstill import current_scale_unchecked, resistance_coefficient, standstill_losses
 from .suitability import simulated_by_heatrun
 from .time_axis import (
@@ -230,6 +230,8 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
     if finding.id == "resistance_coefficient":
         B = finding.values["coefficient_degC"] or motor.resistance_coefficient_degC
         return record, replace(motor, resistance_coefficient_degC=B)
+    if finding.id == "sensor_detached" and "reading_degC" in finding.values:
+        return _without_open(record, channel_of(finding)), motor
     if finding.id in OF_THE_READING and channel_of(finding) != "winding_degC":
         return _without(record, finding), motor
     if finding.severity != "error":
@@ -247,7 +249,7 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
         return replace(record, channels={**record.channels, channel: degC}), motor
     if finding.id == "load_stuck":
         held = (finding.values["from_s"] or 0.0, finding.values["to_s"] or 0.0)
-        return mask(record, [*record.masks, held], ""), motor
+        return bridge(mask(record, [*record.masks, held], ""), [held], ""), motor
     if finding.id == "unit_suspected":
         return read_otherwise(record, motor, finding)
     if finding.id == "load_spike":
@@ -262,6 +264,20 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
         if begin is not None and until is not None:
             return mask(record, [*record.masks, (begin, until)], ""), motor
     return record, motor
+
+
+def _without_open(record: Record, channel: str) -> Record:
+    """Return a record without what an open circuit reads: a sink goes straight over it."""
+    spans = open_spans(record, channel)
+    if channel == "winding_degC":
+        return mask(record, [*record.masks, *spans], "")
+    rest = {name: column for name, column in record.channels.items() if name != channel}
+    if channel in BODIES:
+        return replace(record, channels=rest)
+    known = np.isfinite(record[channel]) & ~within(record.time_s, spans)
+    if known.any():
+        rest[channel] = np.interp(record.time_s, record.time_s[known], record[channel][known])
+    return replace(record, channels=rest)
 
 
 def _without(record: Record, finding: Finding) -> Record:

@@ -14,8 +14,9 @@ from ..io.toml_text import table_header
 from ..record.record import Finding, Record
 from ..record.stretch import windows as stretches
 
-MOST_WINDOWS = 8
-"""More of them are no fault of a moment, and nobody types them."""
+MOST_WINDOWS, MOST_PARTS = 40, 8
+"""Windows of a line, and parts of a test: more of them are no fault of a moment, and nobody copies
+them."""
 
 DECIMALS = {"use": 3, "use_rows": 0, "mask": 1, "bridge": 1}
 

@@ -21,7 +21,7 @@ from ..record.samples import (
     samples,
 )
 from ..record.stretch import masked
-from .advice import MOST_WINDOWS, Part, Remedy, mask_line, use_line
+from .advice import MOST_PARTS, Part, Remedy, mask_line, use_line
 
 MIN_SAMPLES = 20
 """Four parameters, the start temperature and three of the noise are eight unknowns; fewer than two
@@ -193,6 +193,6 @@ def _without(record: Record, channel: str, first: np.ndarray, past: np.ndarray) 
         for a, b in zip(begins, ends, strict=True)
         if b - a >= MIN_SAMPLES
     ]
-    if not 0 < len(parts) <= MOST_WINDOWS:
+    if not 0 < len(parts) <= MOST_PARTS:
         return ()
     return " Or use the parts that have it, each as a test: ", use_line(record, *parts), "."

@@ -19,7 +19,7 @@ from ..record.samples import (
     sink_channel,
     with_all_heat,
 )
-from ..record.stretch import windows
+from ..record.stretch import windows, within
 from .advice import Part, Remedy, mask_line, use_line
 from .frozen import Looked
 from .unexplained import WINDOWS_S, Movement
@@ -43,6 +43,9 @@ OPEN_CIRCUIT_CODES = (
 )
 CODE_TOLERANCE_K = 0.5
 """Codes come back exact or rounded to a degree."""
+
+NOTHING = 0.0
+"""What a lost signal reads [degC]; a test may begin at it."""
 
 CODE_LEAP_K = 20.0
 """A value that equals a code is one only where the reading leaps to it or away from it: a winding
@@ -201,11 +204,19 @@ def _neighbours(rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _left_out(record: Record, channel: str, *spans: tuple[float, float]) -> tuple[Part, ...]:
-    """Return what to write to do without readings; of the sink, which no fit does without, none."""
+    """Return what to write to do without readings; no fit does without a sink, but with what it
+    read before and after.
+    """
     if channel == "winding_degC":
         return " To leave its readings out: ", mask_line(record, spans), "."
-    without = f' To do without it: {channel} = "none" under [columns].'
-    return (without,) if channel in BODIES else ()
+    without = f' To do without it: {channel} = "none" under [columns]'
+    if channel in BODIES:
+        return (f"{without}.",)
+    time_s, reading = samples(record, channel)
+    known = reading[~within(time_s, spans)]
+    if not known.size:
+        return ()
+    return (f"{without} and {channel} = {np.median(known):.1f} under [constants].",)
 
 
 def _without_jump(record: Record, channel: str, at_s: float, is_lasting: bool) -> tuple[Part, ...]:
@@ -222,15 +233,26 @@ def _open_circuit(temperature: np.ndarray) -> np.ndarray:
     is_code = np.zeros(temperature.size, dtype=bool)
     for code in OPEN_CIRCUIT_CODES:
         is_code |= np.abs(temperature - code) < CODE_TOLERANCE_K
-    first, past = runs(is_code)
+    is_nothing = temperature == NOTHING
+    first, past = runs(is_code | is_nothing)
     last = temperature.size - 1
     entry = np.abs(temperature[first] - temperature[np.maximum(first - 1, 0)])
     leaving = np.abs(temperature[past - 1] - temperature[np.minimum(past, last)])
     is_open = (temperature < PLAUSIBLE_DEGC[0]) | (temperature > PLAUSIBLE_DEGC[1])
-    leaps = np.maximum(entry, leaving) > CODE_LEAP_K
+    leaps = np.where(is_nothing[first], entry, np.maximum(entry, leaving)) > CODE_LEAP_K
     for a, b in zip(first[leaps], past[leaps], strict=True):
         is_open[a:b] = True
     return is_open
+
+
+def open_spans(record: Record, channel: str) -> list[tuple[float, float]]:
+    """Return the stretches in which a temperature reads what an open circuit does, first and last
+    time of each [s].
+    """
+    time_s, reading = samples(record, channel)
+    if time_s.size < 3 or _looks_like_kelvin(reading):
+        return []
+    return windows(time_s, _open_circuit(reading))
 
 
 def _falls(time_s: np.ndarray, temperature: np.ndarray, sink: np.ndarray) -> np.ndarray:
@@ -254,17 +276,16 @@ def sensor_detached(record: Record, motor: Motor, looked: Looked) -> Iterator[Fi
     a reading below the housing while the winding is heated.
     """
     for channel in ("winding_degC", *OTHERS):
-        time_s, reading = samples(record, channel)
-        is_open = np.zeros(0, dtype=bool)
-        if time_s.size > 2 and not _looks_like_kelvin(reading):
-            is_open = _open_circuit(reading)
-        if not is_open.any():
+        spans = open_spans(record, channel)
+        if not spans:
             continue
-        spans = windows(time_s, is_open)
+        time_s, reading = samples(record, channel)
+        is_open = within(time_s, spans)
         (from_s, to_s), value = spans[0], float(reading[is_open][0])
+        is_fitted = channel in ("winding_degC", sink_channel(motor))
         yield Finding(
             "sensor_detached",
-            "error" if channel == "winding_degC" else "warning",
+            "error" if is_fitted else "warning",
             f"Expected a temperature, got {value:.1f} °C, the reading of an open "
             f"circuit ({int(is_open.sum())} samples in {len(spans)} stretches). Fitted, they "
             "would bias every parameter.",
@@ -399,7 +420,7 @@ def falls_at_once(record: Record, motor: Motor) -> bool:
     time_s, winding, sink = samples(record, "winding_degC", sink_channel(motor))
     if time_s.size < 3 or _looks_like_kelvin(winding):
         return False
-    if _open_circuit(winding).any():
+    if open_spans(record, "winding_degC"):
         return True
     # a spike falls back as fast as it rose; only what stays down for the window is a fall
     first, past = runs(_falls(time_s, winding, sink))

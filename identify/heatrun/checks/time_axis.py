@@ -11,7 +11,7 @@ from ..record.header import split_name
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.samples import SLOW_LOGGER_S, is_measured, median_step, place, samples
-from .advice import MOST_WINDOWS, MotorFileLine, Remedy, section_of, use_line
+from .advice import MOST_PARTS, MotorFileLine, Remedy, section_of, use_line
 
 GAP_STEPS = 3.0
 """A distance above this many usual steps is a gap [1]: a logger that skips one sample makes two."""
@@ -105,7 +105,7 @@ def is_sorted_otherwise(record: Record) -> bool:
     steps = np.diff(np.sort(time_s))
     usual = float(np.median(steps)) if num_falls else 0.0
     is_even = usual > 0.0 and bool((np.abs(steps - usual) < MAX_JITTER * usual).all())
-    return num_falls > MOST_WINDOWS or is_even
+    return num_falls > MOST_PARTS or is_even
 
 
 def _sorted_otherwise(record: Record, num_steps: int) -> Finding:
