@@ -21,6 +21,7 @@ from heat_runs import (
     every,
     fell_off,
     heat_run,
+    late,
     motor_and_generator,
     shifted_clock,
     without,
@@ -82,6 +83,7 @@ FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
     "load_spike": (
         edited(CLEAN, "losses_W", 1500.0, 1503.0, 65535.0), MOTOR, "error", "num_samples", (30, 30)
     ),
+    "load_late": (late(CLEAN, 30.0), MOTOR, "error", "late_s", (28, 32)),
     "load_stuck": (
         edited(CLEAN, "losses_W", 1000.0, 1400.0, 431.7), MOTOR, "error", "from_s", (998, 1002)
     ),
@@ -395,6 +397,7 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
                0.0),
         MOTOR, None,
     ),
+    "load that is early, or sensor that is late": ("load_late", late(CLEAN, -30.0), MOTOR, None),
     "no power under current": (
         "load_stuck", edited(CLEAN, "losses_W", 1000.0, 1060.0, 0.0), MOTOR, "error"
     ),

@@ -92,6 +92,20 @@ def edited(record: Record, channel: str, from_s: float, to_s: float, value: obje
     return changed(record, **{channel: column})
 
 
+def late(record: Record, by_s: float) -> Record:
+    """The record with its load later than its temperatures, without the ends that lack one."""
+    num = round(by_s / float(np.diff(record.time_s[:2])[0]))
+    behind, before = slice(abs(num), None), slice(None, record.time_s.size - abs(num))
+    of_load, of_rest = (before, behind) if num > 0 else (behind, before)
+    return replace(
+        record,
+        channels={
+            name: values[of_rest if name.endswith(("_degC", "_s")) else of_load]
+            for name, values in record.channels.items()
+        },
+    )
+
+
 def as_columns(record: Record) -> Record:
     """Return a record whose channels are all columns of a file."""
     return replace(

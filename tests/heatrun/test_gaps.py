@@ -388,6 +388,22 @@ def test_loads_run_straight_over_a_bridge_and_temperatures_stay(lab):
     assert any("interpolated" in note for note in record.notes)
 
 
+def test_a_load_of_another_clock_is_moved_over_what_both_cover(lab):
+    table = pd.read_csv(lab / "drive.csv")
+    late = table.copy()
+    of_load = [name for name in ("losses_W", "phase_current_A") if name in table]
+    late[of_load] = table[of_load].shift(20).bfill()
+    late.to_csv(lab / "drive.csv", index=False)
+    record = read_test(lab / "drive.csv", machine("[tests.drive]\nload_offset = -20.0\n"))
+    assert record.time_s[-1] == late["time_s"].iloc[-1] - 20.0
+    for name in of_load:
+        np.testing.assert_array_equal(record[name], table[name][:-20])
+    np.testing.assert_array_equal(record["winding_degC"], table["winding_degC"][:-20])
+    assert any("moved by -20 s" in note for note in record.notes)
+    with pytest.raises(InputError, match="no time in common"):
+        read_test(lab / "drive.csv", machine("[tests.drive]\nload_offset = 1e6\n"))
+
+
 @pytest.mark.parametrize("window", ["[[9000, 9100]]", "[[0, 3600]]"])
 def test_a_bridge_needs_samples_inside_and_outside(lab, window):
     with pytest.raises(InputError, match="bridge"):

@@ -269,6 +269,39 @@ def bad_day(bench: Bench) -> float:
     return at
 
 
+def load_is_late(bench: Bench) -> None:
+    """The clock of the load is 12 s to 3 min behind that of the temperatures."""
+    step_s = float(bench.time[1] - bench.time[0])
+    num = max(3, round(float(bench.rng.uniform(12.0, 180.0)) / step_s))
+    for name in {*PHASES, "watts", "losses", "rpm", "torque", "ohms"} & set(bench.columns):
+        values = bench.columns[name]
+        bench.columns[name] = np.concatenate([np.repeat(values[0], num), values[:-num]])
+
+
+def power_is_lost(bench: Bench) -> float:
+    """The power reads nothing for one to ten minutes under load."""
+    place = bench.moment()
+    end = bench.after(place, float(bench.rng.uniform(60.0, 600.0)))
+    bench.columns["watts"][place:end] = 0.0
+    return float(bench.time[place])
+
+
+def sink_opens(bench: Bench) -> float:
+    place = bench.moment()
+    end = bench.after(place, float(bench.rng.uniform(10.0, 600.0)))
+    bench.columns["sink"][place:end] = float(bench.rng.choice([850.0, 1372.0, -200.0]))
+    return float(bench.time[place])
+
+
+def contact_is_loose(bench: Bench) -> float:
+    """The winding's sensor reads nothing, or its fault code, for a sample here and there."""
+    inside = np.arange(bench.time.size // 20, bench.time.size)
+    places = np.sort(bench.rng.choice(inside, int(bench.rng.integers(8, 25)), replace=False))
+    code = float(bench.rng.choice([0.0, 850.0, -200.0]))
+    bench.columns["winding"][places] = code
+    return float(bench.time[places[0]])
+
+
 class Accident(NamedTuple):
     """What happens, and the findings that name it, all of them needed; `told` are words in one."""
 
@@ -313,6 +346,10 @@ ACCIDENTS: dict[str, Accident] = {
     "bad day: three at once": Accident(
         bad_day, ("unit_suspected", "sensor_detached", "time_backwards")
     ),
+    "load recorded late": Accident(load_is_late, ("load_late",), "load_offset", True),
+    "power reads nothing": Accident(power_is_lost, ("load_stuck",), "bridge|use ="),
+    "sink's sensor opens": Accident(sink_opens, ("sensor_detached",), "under [constants]", True),
+    "loose contact": Accident(contact_is_loose, (OFF,), "mask", True),
 }
 """By name. An accident of the shaft or of three phases cannot happen to a coil."""
 

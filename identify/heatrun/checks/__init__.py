@@ -21,7 +21,7 @@ from ..record.derive import RAD_PER_S_PER_RPM, recorded_shaft_power
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.samples import channel_of
-from ..record.stretch import bridge, mask, windows, within
+from ..record.stretch import bridge, mask, move_load, windows, within
 from .advice import in_one_line
 from .course import (
     ambient_moving,
@@ -34,6 +34,7 @@ from .course import (
 from .excitation import single_step, too_short
 from .frozen import Looked, load_stuck, saturation, sensor_stuck
 from .heat import losses_absent, losses_absurd, losses_of_dc_link
+from .load_moments import load_late
 from .load_spike import load_spike, spike_windows
 from .losses import current_amplitude, losses_below_copper, losses_negative, losses_of_shaft
 from .presence import missing_channel, nan_block, too_few_samples
@@ -74,6 +75,7 @@ CHECKS: tuple[Check, ...] = (
     resistance_coefficient,
     unit_suspected,
     unit_assumed,
+    load_late,
     sensor_detached,
     temperature_jump,
     saturation,
@@ -247,6 +249,8 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
         zero, factor = values["zero"] or 0.0, values["factor"] or 1.0
         degC = (np.asarray(record[channel], dtype=float) - zero) * factor
         return replace(record, channels={**record.channels, channel: degC}), motor
+    if finding.id == "load_late":
+        return move_load(record, -(finding.values["late_s"] or 0.0), ""), motor
     if finding.id == "load_stuck":
         held = (finding.values["from_s"] or 0.0, finding.values["to_s"] or 0.0)
         return bridge(mask(record, [*record.masks, held], ""), [held], ""), motor

@@ -10,11 +10,13 @@ times better than they do. The strongest directions are kept, eight at most; of 
 blocks know the variance. The energy's response is taken from the fast mode of a quick two-node fit
 of the same record. The slow mode remembers all steps: what they add up to there is left to the
 unmodelled heat and to the finding `between_samples`. The moment that all steps have in common is a
-parameter besides (`load_timing`).
+parameter besides (`load_timing`). What a clock that was set wrong does is far more, and `load_late`
+tells it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -23,9 +25,11 @@ from scipy import fft
 
 from ..record.blocks import Blocks
 from ..record.motor import Motor
-from ..record.record import Record
-from ..record.samples import SLOW_LOGGER_S, samples
-from .quick_fit import quick_fit
+from ..record.record import Finding, Record
+from ..record.samples import SLOW_LOGGER_S, median_step, place, samples
+from ..record.stretch import move_load
+from .advice import section_of
+from .quick_fit import MAX_RESIDUAL_SHARE, quick_fit
 
 NUM_COLUMNS = (2, 4, 8)
 """Columns that are kept [1], one of these, as what is compiled depends on it. A staircase of so
@@ -40,6 +44,66 @@ is lost in their noise."""
 
 FINE_BLOCKS = 1800
 """Blocks of the quick fit [1]: 4 s in a test of two hours, well below a winding of ten seconds."""
+
+
+LATE_S = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 160.0, 240.0, 320.0, 480.0)
+"""Offsets of the load's clock that are tried [s], up to `PART` of the record."""
+
+PROBES, PART = 3, 0.1
+"""The first of them, of which none describes the winding better where the load is not late; and the
+largest, in parts of the record [1]."""
+
+FOLLOWED = 0.03
+"""Misfit in parts of the swing [1] beyond which a simple network does not follow the winding, and
+all are tried."""
+
+BETTER, FINE = 0.5, 0.02
+"""Misfit of a simple network with the load moved over that with the load as it is, up to which it
+is late, and share of the offset to which that is sought [1]."""
+
+BLOCKS = 240
+"""Block means of a record that do for this [1]."""
+
+
+def load_late(record: Record, motor: Motor) -> Iterator[Finding]:
+    """Report a load whose clock is behind that of the temperatures: a simple network describes the
+    winding twice as well with the load moved to earlier.
+
+    A load that comes early is none: there the sensor may be late.
+    """
+    time_s, winding = samples(record, "winding_degC")
+    swing_K = float(np.ptp(winding)) if winding.size else 0.0
+
+    def misfit_K(late_s: float) -> float:
+        fit = quick_fit(move_load(record, -late_s, ""), motor, most_blocks=BLOCKS)
+        return MAX_RESIDUAL_SHARE * swing_K if fit is None else fit.rms_K
+
+    offsets = [late_s for late_s in LATE_S if late_s < PART * record.duration_s]
+    if not (offsets and swing_K):
+        return
+    tried = {late_s: misfit_K(late_s) for late_s in (0.0, *offsets[:PROBES])}
+    if min(tried.values()) == tried[0.0] < FOLLOWED * swing_K:
+        return
+    tried |= {late_s: misfit_K(late_s) for late_s in offsets[PROBES:]}
+    best = min(tried, key=lambda late_s: tried[late_s])
+    width_s = 0.25 * best
+    while width_s > FINE * best:
+        tried |= {late_s: misfit_K(late_s) for late_s in (best - width_s, best + width_s)}
+        best = min(tried, key=lambda late_s: tried[late_s])
+        width_s *= 0.5
+    # within two samples the moment of a step is not known, which `load_timing` is for
+    if tried[best] > BETTER * tried[0.0] or best < 2.0 * median_step(time_s):
+        return
+    yield Finding(
+        "load_late",
+        "error",
+        f"The winding moves about {best:.1f} s before the load that moves it: the load is recorded "
+        f"late. Moved, it leaves {tried[best]:.2g} K of {tried[0.0]:.2g} K to a simple network.",
+        place(record, "losses_W", *map(float, record.time_s[[0, -1]])),
+        f"Check the clocks of the loggers. To move the load: {section_of(record)} load_offset = "
+        f"{-best:.1f} in the motor file.",
+        values={"late_s": best, "misfit_K": tried[0.0], "misfit_moved_K": tried[best]},
+    )
 
 
 def with_load_moments(blocks: Blocks, record: Record, motor: Motor) -> Blocks:

@@ -36,7 +36,7 @@ from ..record.motor import (
 from ..record.stretch import Stretch, in_order, parse_time
 from .certificate import parse_certificate
 
-PARTS_KEYS = ("use", "use_rows", "mask", "bridge", "gap", "columns")
+PARTS_KEYS = ("use", "use_rows", "mask", "bridge", "gap", "load_offset", "columns")
 
 MOST_CHOICES = 20
 """Right-hand sides of one channel."""
@@ -77,7 +77,8 @@ def parse_parts(section: Mapping[str, Any], where: str) -> dict[str, PartsOfTest
         if any(math.isinf(end) for _, end in (*mask, *bridge)):
             raise InputError("mask and bridge need both ends of a window.", where=at)
         columns = parse_columns(keys.get("columns", {}), at)
-        parts[name] = PartsOfTest(use, mask, bridge, _gap_load(keys, at), columns)
+        offset_s = _number(keys, "load_offset", ANY_NUMBER, at)
+        parts[name] = PartsOfTest(use, mask, bridge, _gap_load(keys, at), columns, offset_s)
     return parts
 
 

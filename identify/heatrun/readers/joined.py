@@ -24,7 +24,16 @@ from ..record.derive import derive
 from ..record.motor import GapLoad, Motor, PartsOfTest
 from ..record.record import Finding, Record
 from ..record.samples import place
-from ..record.stretch import Stretch, bridge, cut, mask, stretch_of, windows_in, with_seen_start
+from ..record.stretch import (
+    Stretch,
+    bridge,
+    cut,
+    mask,
+    move_load,
+    stretch_of,
+    windows_in,
+    with_seen_start,
+)
 from .align import join
 from .read import read_record
 
@@ -119,7 +128,12 @@ def read_whole_test(path: Path | str, motor: Motor) -> Record:
     Raises:
         InputError: If a file cannot be read or the two cannot be joined.
     """
-    return _with_constants(_read_files(str(path), motor), motor)
+    record, is_joined = _read_files(str(path), motor)
+    offset_s = motor.tests.get(record.name, PartsOfTest()).load_offset_s
+    if offset_s and not is_joined:
+        said_by = f"load_offset in [tests.{record.name}] of the motor file"
+        record = move_load(record, offset_s, said_by)
+    return _with_constants(record, motor)
 
 
 class _File(NamedTuple):
@@ -158,22 +172,25 @@ def _with_stretch(text: str) -> tuple[str, Stretch | None]:
     return (text, None) if _exists(text) else stretch_of(text)
 
 
-def _read_files(text: str, motor: Motor) -> Record:
+def _read_files(text: str, motor: Motor) -> tuple[Record, bool]:
+    """Return a test, and whether it is of two files, whose loads stand where they belong."""
     if _exists(text) or "+" not in text:
-        return _read(text, motor)
+        return _read(text, motor), False
     first, _, second = text.partition("+")
     if "+" in second:
         raise InputError(
             "expected at most two files joined by '+'.", where=text,
             remedy="Join the temperatures with one drive log.",
         )  # fmt: skip
-    record, alignment = join(_read(first, motor, is_part=True), _read(second, motor, is_part=True))
+    temperatures = _read(first, motor, is_part=True)
+    offset_s = motor.tests.get(temperatures.name, PartsOfTest()).load_offset_s
+    record, alignment = join(temperatures, _read(second, motor, is_part=True), offset_s=offset_s)
     low, high = alignment.interval_95_s
     note = (
         f"the drive's clock starts {alignment.offset_s:.2f} s after the thermometer's "
         f"(95 % {low:.2f} … {high:.2f} s, {alignment.method})"
     )
-    return replace(record, notes=(*record.notes, note))
+    return replace(record, notes=(*record.notes, note)), True
 
 
 def _with_constants(record: Record, motor: Motor) -> Record:

@@ -114,6 +114,7 @@ FINDINGS: dict[str, Kind] = {
     "losses_of_dc_link": Kind("The losses hold those of the inverter."),
     "losses_of_shaft": Kind("The losses are the input or the shaft power."),
     "load_spike": Kind("Samples of the load show no heat in the winding: a marker or a fault."),
+    "load_late": Kind("The load is recorded later or earlier than the temperatures."),
     "load_stuck": Kind("A column of the load stands still: the value was held, not measured."),
     "standstill_losses": Kind("At standstill the losses are not those of the copper."),
     "resistance_coefficient": Kind("The resistance changes with temperature unlike the material."),

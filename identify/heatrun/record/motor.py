@@ -272,6 +272,8 @@ class PartsOfTest:
         bridge: Windows whose loads are interpolated, likewise.
         gap_load: The load in gaps of the logger; None where the record is to tell.
         columns: Its own `[columns]`, before those of the motor file.
+        load_offset_s: What is added to the clock of the load to give that of the temperatures [s];
+            None where nothing is known of it.
     """
 
     use: tuple[Stretch, ...] = ()
@@ -279,6 +281,7 @@ class PartsOfTest:
     bridge: tuple[tuple[float, float], ...] = ()
     gap_load: GapLoad | None = None
     columns: Columns = field(default_factory=dict)
+    load_offset_s: float | None = None
 
 
 @dataclass(frozen=True)

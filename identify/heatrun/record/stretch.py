@@ -228,7 +228,7 @@ def bridge(record: Record, windows: Sequence[tuple[float, float]], said_by: str)
     seen = ~hidden & np.isfinite(record.time_s)
     channels = dict(record.channels)
     for name, values in record.channels.items():
-        if name in CHANNEL and CHANNEL[name].quantity not in ("temperature", "time"):
+        if _is_load(name):
             known = seen & np.isfinite(values)
             if known.any():
                 straight = np.interp(record.time_s, record.time_s[known], values[known])
@@ -236,6 +236,43 @@ def bridge(record: Record, windows: Sequence[tuple[float, float]], said_by: str)
     spans = ", ".join(f"{low:g} s to {high:g} s" for low, high in windows)
     note = f"loads from {spans} are interpolated: {said_by}"
     return replace(record, channels=channels, notes=(*record.notes, note))
+
+
+def move_load(record: Record, offset_s: float, said_by: str) -> Record:
+    """Return a record whose load stands at other times, over the time that both cover.
+
+    Args:
+        record: The record.
+        offset_s: What is added to the times of the load [s].
+        said_by: Who asks for it, for the note.
+
+    Raises:
+        InputError: If no time has load and temperatures.
+    """
+    if not offset_s:
+        return record
+    at = record.time_s - offset_s
+    known = np.isfinite(record.time_s)
+    kept = known & (at >= record.time_s[known][0]) & (at <= record.time_s[known][-1])
+    if not kept.any():
+        raise InputError(
+            f"Moved by {offset_s:g} s, the load has no time in common with the temperatures; the "
+            f"record lasts {record.duration_s:.6g} s.",
+            where=f"{record.name}, {said_by}",
+            remedy="Write the offset in seconds.",
+        )
+    channels = {
+        name: np.interp(at[kept], record.time_s[known], values[known])
+        if _is_load(name)
+        else values[kept]
+        for name, values in record.channels.items()
+    }
+    note = f"the load is moved by {offset_s:+g} s: {said_by}"
+    return replace(record, channels=channels, notes=(*record.notes, note))
+
+
+def _is_load(channel: str) -> bool:
+    return channel in CHANNEL and CHANNEL[channel].quantity not in ("temperature", "time")
 
 
 def windows_in(
