@@ -177,10 +177,10 @@ TESTS = Section(
             'or "unknown": before and after are then calibrated together, each from start '
             "temperatures of its own.", '{ load = "held" }',
             "held where both sides and the winding say so; else unknown for gaps over 300 s"),
-        Key("load_offset", "What is added to the clock of current, losses, powers, voltages, torque "
-            "and speed to give that of the temperatures [s]: of one file whose load was recorded "
-            "late (negative) or early, and of two joined by + in place of the estimate.", "-45.0",
-            "0; estimated of two files"),
+        Key("load_offset", "What is added to the clock of current, losses, powers, voltages, "
+            "torque and speed to give that of the temperatures [s]: of one file whose load was "
+            "recorded late (negative) or early, and of two joined by + in place of the estimate.",
+            "-45.0", "0; estimated of two files"),
         Key("columns", "Lines as in `[columns]` for this file alone, before those of the motor "
             "file; also as a section of its own, `[tests.NAME.columns]`.",
             '{ winding_degC = "CH2 [degC]" }', "none"),
