@@ -49,9 +49,9 @@ FINE_BLOCKS = 1800
 LATE_S = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 160.0, 240.0, 320.0, 480.0)
 """Offsets of the load's clock that are tried [s], up to `PART` of the record."""
 
-PROBES, PART = 3, 0.1
-"""The first of them, of which none describes the winding better where the load is not late; and the
-largest, in parts of the record [1]."""
+PROBES, PROMISING, PART = 3, 0.9, 0.1
+"""The first of them, and the misfit over that with the load as it is up to which one of these asks
+for the others [1]; and the largest, in parts of the record [1]."""
 
 FOLLOWED = 0.03
 """Misfit in parts of the swing [1] beyond which a simple network does not follow the winding, and
@@ -82,7 +82,7 @@ def load_late(record: Record, motor: Motor) -> Iterator[Finding]:
     if not (offsets and swing_K):
         return
     tried = {late_s: misfit_K(late_s) for late_s in (0.0, *offsets[:PROBES])}
-    if min(tried.values()) == tried[0.0] < FOLLOWED * swing_K:
+    if PROMISING * tried[0.0] < min(tried.values()) and tried[0.0] < FOLLOWED * swing_K:
         return
     tried |= {late_s: misfit_K(late_s) for late_s in offsets[PROBES:]}
     best = min(tried, key=lambda late_s: tried[late_s])

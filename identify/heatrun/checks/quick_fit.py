@@ -268,7 +268,8 @@ def course_of(
     most_blocks: int = MAX_BLOCKS,
 ) -> Course | None:
     """Return the block means of a record; as `quick_fit`."""
-    has_current = "phase_current_A" in record
+    # a constant of 0 A stands for a current that is not known
+    has_current = "phase_current_A" in record and bool(np.any(record["phase_current_A"]))
     channels = ["winding_degC", sink_channel(motor), "losses_W"]
     channels += ["phase_current_A"] * has_current
     time_s, *columns = samples(record, *channels)
