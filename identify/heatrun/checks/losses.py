@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -48,6 +49,17 @@ NOISE_SIGMAS = 6.0
 
 EXPLAINED = 0.9
 """Part of the blocks [1] in which an explanation must hold."""
+
+EXPLANATIONS = (
+    (2.1, "whether phase_current_A is an amplitude (factor 2 in the copper loss; then "
+     'phase_current_A = "COLUMN [A_peak]" in [columns])'),
+    (2.1, "whether phase_resistance_ohm was measured between terminals (factor 2 in star, 2/3 in "
+     "delta)"),
+    (3.1, "whether phases is right (1 for a coil)"),
+    (4.2, "whether the clamp reads right (factor 4 for two turns through it)"),
+    (math.inf, "whether the losses are complete"),
+)  # fmt: skip
+"""Copper loss over the losses that each explains at most [1]."""
 
 AMPLITUDE_SQUARED = 2.0
 """The square of amplitude over rms of a sine [1]."""
@@ -115,11 +127,9 @@ def losses_below_copper(record: Record, motor: Motor) -> Iterator[Finding]:
         f"under current they are {share_in_words(typical)}. Every thermal resistance and "
         "capacity would be biased.",
         place(record, "losses_W", from_s, to_s),
-        "Check whether phase_current_A is an amplitude (factor 2 in the copper loss; then "
-        'phase_current_A = "COLUMN [A_peak]" in [columns]), whether phase_resistance_ohm was '
-        "measured between terminals (factor 2 in star, 2/3 in delta), whether phases is right "
-        "(1 for a coil), whether the losses are complete, and whether torque and power have "
-        "one scale ([parameters.shaft_power_gain] sd says how far they may differ).",
+        f"Check {', '.join(text for most, text in EXPLANATIONS if most > typical)}, and whether "
+        "torque and power have one scale ([parameters.shaft_power_gain] sd says how far they may "
+        "differ).",
         values={
             "share_of_time": float(np.mean(below)),
             "copper_share": typical,

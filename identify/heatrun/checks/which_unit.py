@@ -42,6 +42,12 @@ RESISTANCES = (
 """What is mistaken with the resistance, with the factor to the right one and the prior odds [1]: a
 meter has two leads, and the name of the key carries its unit."""
 
+CLAMPS = (
+    (0.5, 1e-3, "the clamp reads twice the current, by two turns through it or by its range"),
+    (2.0, 1e-3, "the clamp reads half the current, by its range or by one of two parallel cables"),
+)
+"""What is mistaken with a clamp, likewise."""
+
 OTHER_COOLING = 0.001
 """Prior odds [1] that a liquid cools a machine whose record has the temperature of the air."""
 
@@ -91,7 +97,8 @@ class OtherReading:
         record: The record as it would be.
         motor: The motor as it would be.
         readings: How the columns were read; empty where that is not known.
-        sentence: What is supposed of the motor file.
+        sentence: What is supposed of the motor file, or of the instrument.
+        of: What the factor is one of, where no unit is another one.
     """
 
     units: Mapping[str, str]
@@ -101,12 +108,13 @@ class OtherReading:
     motor: Motor
     readings: tuple[ColumnReading, ...] = ()
     sentence: str = ""
+    of: str = "phase_resistance_ohm"
 
     @property
     def name(self) -> str:
         """Name of its factor among the values of a finding."""
         unit = " and ".join(dict.fromkeys(self.units.values())).replace(" ", "_")
-        return f"factor_{'_and_'.join(self.units) or 'phase_resistance_ohm'}_{unit}".rstrip("_")
+        return f"factor_{'_and_'.join(self.units) or self.of}_{unit}".rstrip("_")
 
 
 def other_readings(record: Record, motor: Motor) -> Iterator[OtherReading]:
@@ -148,6 +156,12 @@ def other_readings(record: Record, motor: Motor) -> Iterator[OtherReading]:
         for factor, prior, sentence in RESISTANCES:
             right = replace(motor, phase_resistance_ohm=factor * motor.phase_resistance_ohm)
             yield OtherReading({}, factor, prior, record, right, sentence=sentence)
+    for factor, prior, sentence in (
+        CLAMPS if "phase_current_A" in like.get("phase current", ()) else ()
+    ):
+        scaled = factor * np.asarray(record["phase_current_A"], dtype=float)
+        right = replace(record, channels={**record.channels, "phase_current_A": scaled})
+        yield OtherReading({}, factor, prior, right, motor, (), sentence, "phase_current_A")
 
 
 def _otherwise(
@@ -335,6 +349,8 @@ def _remedy(named: Sequence[OtherReading], record: Record, left: str) -> str:
             words.append("check the sampling rate")
         elif lines:
             words.append(f"write {lines} into [columns]")
+        elif one.of == "phase_current_A":
+            words.append("scale the column of the current in the file")
         else:
             words.append("correct phase_resistance_ohm in [winding]")
     steps = np.diff(record.time_s)
