@@ -310,6 +310,8 @@ def test_a_report_of_a_discovery_says_nothing_in_english(language):
         "0.61 K"
     )
     sentences = (
+        "Missing: radiation and cooling_step. So extended, the network leaves 0.05 K in a fit by "
+        "least squares, no more than noise.",
         "Missing was radiation and cooling_step; with it only noise is left.",
         f"The network leaves {left} that no effect of the catalogue accounts for. Next: heatrun "
         "discover motor.toml a.csv --model three",
