@@ -321,6 +321,7 @@ def test_a_report_of_a_discovery_says_nothing_in_english(language):
     )
     reasons = (
         "", "in the place of radiation it has a probability of 12 %",
+        "in the place of radiation it has a probability of below 0.1 %",
         "at its usual size these tests would show 0.013 K of it, 0.4 standard deviations of a "
         "noise of 0.05 K",
         "needs the channel speed_rpm in every test",

@@ -44,7 +44,11 @@ meter has two leads, and the name of the key carries its unit."""
 
 CLAMPS = (
     (0.5, 1e-3, "the clamp reads twice the current, by two turns through it or by its setting"),
-    (2.0, 1e-3, "the clamp reads half the current, by its setting or on one of two parallel cables"),
+    (
+        2.0,
+        1e-3,
+        "the clamp reads half the current, by its setting or on one of two cables",
+    ),
 )
 """What is mistaken with a clamp, likewise."""
 

@@ -13,6 +13,7 @@ from ..effects.engine import Candidate
 from ..effects.search import MATTERS_K
 from ..effects.search import gap as closed
 from ..effects.small_effects import Sight
+from ..io.quantities import percent
 from ..model.noise import from_scores
 from ..model.parameters import qualified
 from ..posterior.posterior import Posterior
@@ -112,7 +113,7 @@ def _fate(found: Discovery, effect: Candidate, sight: Sight | None) -> tuple[Sta
     for each in asked.core.effects:
         p = asked.rivals(each).get(effect)
         if p is not None:
-            place = f"in the place of {each.id} it has a probability of {100.0 * p:.2g} %"
+            place = f"in the place of {each.id} it has a probability of {percent(p)}"
             return ("tied" if effect in asked.tied(each) else "rejected"), place
     if effect in asked.best.effects:
         return "rejected", (
