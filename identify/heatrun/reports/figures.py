@@ -391,10 +391,12 @@ CHARACTER_IN = 0.058
 
 
 def _fit_label(axis: Axes, height_in: float) -> None:
-    """Break the label beside a low panel before its unit, and lay it flat beside a lower one."""
+    """Break the label beside a low panel before its unit; of a lower one the words go inside."""
     label, room_in = axis.yaxis.label, height_in * axis.get_position().height
     words = label.get_text()
     if CHARACTER_IN * len(words) > room_in:
         label.set_text(words.replace(" [", "\n["))
-    if CHARACTER_IN * max(map(len, label.get_text().split("\n"))) > room_in:
-        label.set(rotation=0, va="center", fontsize=7)
+    name, _, unit = words.rpartition(" [")
+    if CHARACTER_IN * len(name) > room_in:
+        label.set_text(f"[{unit}")
+        axis.text(0.005, 0.96, name, transform=axis.transAxes, fontsize=7, va="top")
