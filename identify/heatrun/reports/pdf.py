@@ -161,6 +161,9 @@ MOST_COURSES = 4
 FLATTEST, HIGHEST = 0.3, 1.2
 """Height over width of the figure of page 1 [1], whatever room is left."""
 
+TOO_FLAT, ON_PAGE_2 = 0.22, 0.45
+"""Height over width of that room below which `sheet.typ` has the figure on page 2, and its own [1]."""
+
 
 def write_pdf(content: Mapping[str, Any], figures: Sequence[Path], path: Path) -> Path:
     """Write the sheet as PDF.
@@ -174,7 +177,8 @@ def write_pdf(content: Mapping[str, Any], figures: Sequence[Path], path: Path) -
 
 
 def aspect_on_page_1(content: Mapping[str, Any]) -> float:
-    """Return height over width of the room that page 1 has for its figure [1].
+    """Return height over width of the room that page 1 has for its figure [1]; where it is too low,
+    as on page 2.
 
     Args:
         content: From `sheet_content`.
@@ -189,7 +193,8 @@ def aspect_on_page_1(content: Mapping[str, Any]) -> float:
                 ignore_system_fonts=not found.needs_system_fonts,
             )
         )  # fmt: skip
-    return min(HIGHEST, max(FLATTEST, room["height"] / room["width"]))
+    aspect = room["height"] / room["width"]
+    return ON_PAGE_2 if aspect < TOO_FLAT else min(HIGHEST, max(FLATTEST, aspect))
 
 
 def _texts(content: Mapping[str, Any]) -> dict[str, Any]:
