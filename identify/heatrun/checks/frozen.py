@@ -311,6 +311,8 @@ def load_stuck(record: Record, _: Motor) -> Iterator[Finding]:
         from_s, to_s, value = held
         if any(from_s < end and begin < to_s for begin, end in told):
             continue  # the logger held all of its channels at once
+        if _is_at_rest(record, channel, from_s, to_s):
+            continue
         told.append((from_s, to_s))
         parts = [
             (float(np.nanmin(record.time_s)), from_s), (to_s, float(np.nanmax(record.time_s)))
@@ -334,6 +336,15 @@ def load_stuck(record: Record, _: Motor) -> Iterator[Finding]:
             Remedy("Check logger and bus.", *advice),
             values={"from_s": from_s, "to_s": to_s, "value": value},
         )  # fmt: skip
+
+
+def _is_at_rest(record: Record, channel: str, from_s: float, to_s: float) -> bool:
+    """Return whether no current flows while another channel of the load stands still."""
+    if channel == "phase_current_A":
+        return False
+    time_s, current = samples(record, "phase_current_A")
+    inside = within(time_s, [(from_s, to_s)])
+    return bool(inside.any()) and not is_loaded(np.square(current))[inside].any()
 
 
 def _is_steady(record: Record, channel: str, from_s: float, to_s: float) -> bool:

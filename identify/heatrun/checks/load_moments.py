@@ -30,6 +30,7 @@ from ..record.samples import SLOW_LOGGER_S, median_step, place, samples
 from ..record.stretch import move_load
 from .advice import section_of
 from .quick_fit import MAX_RESIDUAL_SHARE, quick_fit
+from .unexplained import unexplained_movement
 
 NUM_COLUMNS = (2, 4, 8)
 """Columns that are kept [1], one of these, as what is compiled depends on it. A staircase of so
@@ -94,6 +95,12 @@ def load_late(record: Record, motor: Motor) -> Iterator[Finding]:
     # within two samples the moment of a step is not known, which `load_timing` is for
     if tried[best] > BETTER * tried[0.0] or best < 2.0 * median_step(time_s):
         return
+    moved = unexplained_movement(record, motor)
+    if moved is not None:
+        spans = [(moved.from_s, moved.until_s)]
+        rest = quick_fit(record, motor, left_out_s=spans, most_blocks=BLOCKS)
+        if rest is not None and rest.rms_K < tried[best]:
+            return  # a sensor that came off explains as much
     yield Finding(
         "load_late",
         "error",

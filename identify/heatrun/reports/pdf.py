@@ -162,7 +162,7 @@ FLATTEST, HIGHEST = 0.3, 1.2
 """Height over width of the figure of page 1 [1], whatever room is left."""
 
 TOO_FLAT, ON_PAGE_2 = 0.22, 0.45
-"""Height over width of that room below which `sheet.typ` has the figure on page 2, and its own [1]."""
+"""Height over width of that room below which `sheet.typ` puts the figure on page 2, and there."""
 
 
 def write_pdf(content: Mapping[str, Any], figures: Sequence[Path], path: Path) -> Path:
