@@ -54,7 +54,8 @@ def pareto_smoothed(log_weight: Float[np.ndarray, " draw"]) -> Smoothed:
     if not (math.isfinite(shape) and scale > 0.0):
         return Smoothed(raw, float("inf"))
     rest = np.log1p(-(np.arange(tail.size) + 0.5) / tail.size)
-    above = -rest if abs(shape) < np.finfo(float).eps else np.expm1(-shape * rest) / shape
+    with np.errstate(over="ignore"):  # cut at the largest weight all the same
+        above = -rest if abs(shape) < np.finfo(float).eps else np.expm1(-shape * rest) / shape
     smoothed = log_weight - np.max(log_weight)
     smoothed[tail] = np.minimum(np.log(cut + scale * above), 0.0)
     return Smoothed(smoothed - logsumexp(smoothed), float(shape))
@@ -183,7 +184,8 @@ class Weighted:
     @property
     def effective_size(self) -> float:
         """Kish's effective sample size."""
-        return float(1.0 / np.sum(self.weights**2))
+        squares = float(np.sum(self.weights**2))
+        return 1.0 / squares if squares > 0.0 else 0.0
 
     @property
     def is_sound(self) -> bool:
