@@ -218,7 +218,7 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
         MOTOR, "error",
     ),
     "one NaN": (
-        "nan_block", edited(CLEAN, "losses_W", 600.0, 600.1, np.nan), MOTOR, "warning"
+        "nan_block", edited(CLEAN, "losses_W", 600.0, 600.1, np.nan), MOTOR, "note"
     ),
     "NaN in a spare channel": (
         "nan_block", edited(CLEAN, "speed_rpm", 0.0, 900.0, np.nan), MOTOR, "note"

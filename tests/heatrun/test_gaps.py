@@ -312,7 +312,7 @@ def test_missing_readings_outside_a_mask_are_still_told(lab):
     assert "[tests.drive] mask = [[1000.0, 1599.0], [2000.0, 2400.0]]" in found[0].remedy
 
 
-@pytest.mark.parametrize(("num_missing", "severity"), [(15, "warning"), (60, "error")])
+@pytest.mark.parametrize(("num_missing", "severity"), [(15, "note"), (60, "error")])
 def test_blanked_readings_shorter_than_a_block_are_no_error(lab, num_missing, severity):
     table = pd.read_csv(lab / "drive.csv")
     for first in range(400, 3400, 200):

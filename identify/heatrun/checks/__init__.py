@@ -249,6 +249,10 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
         zero, factor = values["zero"] or 0.0, values["factor"] or 1.0
         degC = (np.asarray(record[channel], dtype=float) - zero) * factor
         return replace(record, channels={**record.channels, channel: degC}), motor
+    if finding.id == "ambient_implausible" and finding.values.get("is_exchanged"):
+        channel = channel_of(finding)
+        pair = {channel: record["winding_degC"], "winding_degC": record[channel]}
+        return replace(record, channels={**record.channels, **pair}), motor
     if finding.id == "load_late":
         return move_load(record, -(finding.values["late_s"] or 0.0), ""), motor
     if finding.id == "load_stuck":

@@ -92,6 +92,15 @@ def section_of(record: Record) -> str:
     return table_header("tests", record.part_of or record.name)
 
 
+def exchange_line(record: Record, one: str, other: str) -> str:
+    """Return what to write where two channels have each other's columns."""
+    columns = {each.channel: each.column for each in record.mapping}
+    return (
+        f'Write {one} = "{columns.get(other, other)}" and {other} = "{columns.get(one, one)}" '
+        "under [columns]."
+    )
+
+
 def use_line(record: Record, *windows: tuple[float, float]) -> Part:
     """Return the line that uses stretches, first and last time [s], of a record, each as a test.
 

@@ -58,7 +58,7 @@ FOLLOWED = 0.03
 """Misfit in parts of the swing [1] beyond which a simple network does not follow the winding, and
 all are tried."""
 
-BETTER, FINE = 0.5, 0.02
+BETTER, FINE = 0.33, 0.02
 """Misfit of a simple network with the load moved over that with the load as it is, up to which it
 is late, and share of the offset to which that is sought [1]."""
 
@@ -68,7 +68,7 @@ BLOCKS = 240
 
 def load_late(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report a load whose clock is behind that of the temperatures: a simple network describes the
-    winding twice as well with the load moved to earlier.
+    winding three times as well with the load moved to earlier.
 
     A load that comes early is none: there the sensor may be late.
     """

@@ -38,16 +38,16 @@ copper under direct current, a room that is held."""
 MAX_MISSING_SHARE = 0.1
 """Share of missing samples above which even isolated ones are an error [1]: the logger failed."""
 
-MEANING: dict[Severity, str] = {
-    "error": "The fit cannot bridge them.",
-    "warning": "Shorter than a block: readings are left out of its mean, other channels are "
+MEANING = {
+    "block": "The fit cannot bridge them.",
+    "isolated": "Shorter than a block: readings are left out of its mean, other channels are "
     "interpolated; the fit is hardly affected.",
-    "note": "The fit does not need this channel.",
+    "unneeded": "The fit does not need this channel.",
 }
-REMEDY: dict[Severity, str] = {
-    "error": "Export the channel again.",
-    "warning": "Nothing need be done; look at the logger if they grow more.",
-    "note": "Export the channel again if a report is to show it.",
+REMEDY = {
+    "block": "Export the channel again.",
+    "isolated": "Nothing need be done; look at the logger if they grow more.",
+    "unneeded": "Export the channel again if a report is to show it.",
 }
 
 
@@ -113,7 +113,8 @@ def too_few_samples(record: Record, motor: Motor) -> Iterator[Finding]:
 
 
 def nan_block(record: Record, motor: Motor) -> Iterator[Finding]:
-    """Report missing values: isolated ones as warnings, blocks in a needed channel as errors.
+    """Report missing values: isolated ones as notes, or warnings where they are many or an
+    instrument's overrange; blocks in a needed channel as errors.
 
     Infinities and numbers of 1e12 and more count as missing. In channels that no fit needs any
     missing value is a note.
@@ -135,13 +136,15 @@ def nan_block(record: Record, motor: Motor) -> Iterator[Finding]:
         duration_s = longest * step_s
         share = float(lengths.sum() / len(column))
         is_isolated = longest < ISOLATED_SAMPLES or duration_s < BLOCK_S
+        overrange = _overrange(values[missing])
         severity: Severity
         if channel not in needed:
-            severity = "note"
+            severity, kind = "note", "unneeded"
         elif is_isolated and (is_reading or share <= MAX_MISSING_SHARE):
-            severity = "warning"
+            is_doubtful = overrange or share > MAX_MISSING_SHARE
+            severity, kind = "warning" if is_doubtful else "note", "isolated"
         else:
-            severity = "error"
+            severity, kind = "error", "block"
         is_long = (lengths >= ISOLATED_SAMPLES) & (lengths * step_s >= BLOCK_S)
         advice = _without(record, channel, first[is_long], past[is_long])
         begin, end = int(first[worst]), int(past[worst]) - 1
@@ -155,9 +158,9 @@ def nan_block(record: Record, motor: Motor) -> Iterator[Finding]:
             severity,
             f"Expected a number in every sample; {int(lengths.sum())} are missing "
             f"({100.0 * share:.1f} %) in {lengths.size} stretches, the longest of {longest} "
-            f"samples ({duration_s:.3g} s).{_overrange(values[missing])} {MEANING[severity]}",
+            f"samples ({duration_s:.3g} s).{overrange} {MEANING[kind]}",
             where,
-            Remedy(REMEDY[severity], *(advice if severity == "error" else ())),
+            Remedy(REMEDY[kind], *(advice if severity == "error" else ())),
             values={
                 "num_missing": float(lengths.sum()),
                 "share": share,

@@ -20,7 +20,7 @@ from ..record.samples import (
     with_all_heat,
 )
 from ..record.stretch import windows, within
-from .advice import Part, Remedy, mask_line, use_line
+from .advice import Part, Remedy, exchange_line, mask_line, use_line
 from .frozen import Looked
 from .unexplained import WINDOWS_S, Movement
 
@@ -358,14 +358,12 @@ def _fallen(record: Record, motor: Motor, moved: Movement | None) -> Finding | N
     )
 
 
+HOUSING = "housing_degC"
+
+
 def _exchanged(record: Record, winding: np.ndarray, housing: np.ndarray) -> Finding:
     """Return the finding that winding and housing stand for each other, or in two units."""
-    columns = {one.channel: one.column for one in record.mapping}
-    names = ("winding_degC", "housing_degC")
-    lines = " and ".join(
-        f'{name} = "{columns.get(other, other)}"'
-        for name, other in zip(names, names[::-1], strict=True)
-    )
+    column = {one.channel: one.column for one in record.mapping}.get(HOUSING, HOUSING)
     is_fahrenheit = abs((housing[0] - 32.0) / 1.8 - winding[0]) < BELOW_HOUSING_K
     return Finding(
         "sensor_detached",
@@ -374,9 +372,9 @@ def _exchanged(record: Record, winding: np.ndarray, housing: np.ndarray) -> Find
         f"{float(np.max(housing - winding)):.1f} K less at most, and both rise: "
         + ("the housing looks like °F." if is_fahrenheit else "the two columns are exchanged."),
         place(record, "winding_degC", *map(float, record.time_s[[0, -1]])),
-        f'Write housing_degC = "{columns.get(names[1], names[1])} [degF]" under [columns].'
+        f'Write {HOUSING} = "{column} [degF]" under [columns].'
         if is_fahrenheit
-        else f"Write {lines} under [columns].",
+        else exchange_line(record, "winding_degC", HOUSING),
         values={"below_housing_K": float(np.max(housing - winding))},
     )
 

@@ -10,6 +10,7 @@ from ..record.derive import constants_of
 from ..record.motor import Motor
 from ..record.record import Finding, Record, Severity
 from ..record.samples import is_loaded, lead_in, place, samples, sink_channel, with_all_heat
+from .advice import exchange_line
 
 AS_KELVIN = {"ambient_degC": (253.0, 333.0), "coolant_degC": (253.0, 393.0),
              "winding_degC": (253.0, 393.0), "stator_degC": (253.0, 393.0)}  # fmt: skip
@@ -192,6 +193,22 @@ def ambient_implausible(record: Record, motor: Motor) -> Iterator[Finding]:
             values={"excess_K": excess, "swing_K": swing},
         )
         return
+    below = float(np.median((winding - sink)[loaded])) if loaded.any() else 0.0
+    if below < -SINK_ABOVE_K:
+        is_exchanged = swing < SAME_SHARE * float(np.ptp(sink))
+        yield Finding(
+            "ambient_implausible",
+            "error",
+            f"Expected the winding above {channel} under load; it is {-below:.1f} K below. Heat "
+            "would flow from the sink into the loaded winding"
+            + (", which stays as it is: the two columns are exchanged." if is_exchanged else "."),
+            place(record, channel, float(time_s[loaded][0]), float(time_s[loaded][-1])),
+            exchange_line(record, "winding_degC", channel)
+            if is_exchanged
+            else "Check whether the two columns are exchanged.",
+            values={"winding_above_sink_K": below, "is_exchanged": is_exchanged},
+        )
+        return
     low, high = PLAUSIBLE_DEGC[channel]
     lowest, highest = POSSIBLE_DEGC[channel]
     if not low <= typical <= high:
@@ -203,15 +220,4 @@ def ambient_implausible(record: Record, motor: Motor) -> Iterator[Finding]:
             where,
             "Check the sensor, its unit, and which column is mapped.",
             values={"median_degC": typical},
-        )
-    below = float(np.median((winding - sink)[loaded])) if loaded.any() else 0.0
-    if below < -SINK_ABOVE_K:
-        yield Finding(
-            "ambient_implausible",
-            "error",
-            f"Expected the winding above {channel} under load; it is {-below:.1f} K below. Heat "
-            "would flow from the sink into the loaded winding.",
-            place(record, channel, float(time_s[loaded][0]), float(time_s[loaded][-1])),
-            "Check whether the two columns are exchanged.",
-            values={"winding_above_sink_K": below},
         )
