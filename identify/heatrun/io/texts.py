@@ -6,8 +6,9 @@ English (`[run]`, `[report]`, `[discovered]`, `[sentence]`) is recognised by the
 table, and said `again` in the language of the page; of findings sentence by sentence.
 
 A field of a text is `{name}`, as it is given; `{name:n}`, numbers, with the decimal sign of the
-language, `{name:v}` names with such numbers; `{name:t}` or, without commas in it, `{name:w}`, words
-that are said again; `{name:m}`, a network with its effects; `{name:i}`, an id; `{name:d}`, a day.
+language, `{name:v}` names with such numbers; `{name:t}` or, without commas or colons in it,
+`{name:w}`, words that are said again, `{name:u}` a unit, which may be the same in all; `{name:m}`,
+a network with its effects; `{name:i}`, an id; `{name:d}`, a day.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ LANGUAGES = ("en", "de", "it")
 FIELD = re.compile(r"\{(\w+)(?::(\w))?\}")
 
 NUMBER = r"[-+±]?\d[\d.]*(?:e[-+]\d+)?(?:(?: … | ± )[-+]?\d[\d.]*)*"
-KINDS = {"n": NUMBER, "d": r"\d{4}-\d\d-\d\d", "i": "[a-z_]+", "w": "[^,;]+?"}
+KINDS = {"n": NUMBER, "d": r"\d{4}-\d\d-\d\d", "i": "[a-z_]+", "w": "[^,;:]+?"}
 """What a field may hold where a text is recognised, by its kind; of other kinds, anything."""
 
 
@@ -137,14 +138,20 @@ class Texts:
 
     def _all_known(self, parts: Sequence[str], sections: tuple[str, ...] = STATED) -> list[str]:
         """Return texts again; none at all where one of them is not known."""
-        said = [self._known(part, sections) for part in parts]
-        return [] if None in said else [each for each in said if each]
+        said = []
+        for part in parts:
+            if (each := self._known(part, sections)) is None:
+                return []
+            said.append(each)
+        return said
 
     def _printed(self, text: str, kind: str | None) -> str:
         if kind in ("n", "v"):
             return self.number(text)
         if kind in ("w", "t"):
             return self.again(text)
+        if kind == "u":
+            return self._known(text) or text
         if kind == "e":
             return text.replace(" and ", f" {self('and')} ")
         if kind == "m":

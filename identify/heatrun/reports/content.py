@@ -23,9 +23,7 @@ from .certificate import (
     parameter_lines,
     places_of_current,
 )
-from .printed import format_interval, format_value, num_stated, signed, told
-
-GRAVITY = {"error": 0, "warning": 1, "note": 2}
+from .printed import format_interval, format_value, num_stated, ranked, signed, told
 
 
 def sheet_content(
@@ -45,8 +43,7 @@ def sheet_content(
     certificate = certificate or Certificate()
     say = say or Texts(certificate.language or LANGUAGES[0])
     model = result.models[favoured(result)]
-    own = [each for each in result.findings if concerns(each, result)]
-    own.sort(key=lambda each: GRAVITY[each.severity])
+    own = ranked([each for each in result.findings if concerns(each, result)])
     graver = [each for each in own if each.severity != "note"]
     columns = [(clean(names), rows, _assumed(rows)) for names, rows in grouped(result.tests)]
     return {
