@@ -226,6 +226,9 @@ ASKED = re.compile(
 )
 """Names of figures that `--rating` asks for."""
 
+TIMES = re.compile(r"tau_(?P<which>\w+?)(?P<fed>_feedback)?_s")
+"""Names of time constants that have no text of their own."""
+
 
 def _named(figure: str, say: Texts) -> str:
     """Return a derived figure in words; one that the table lacks, such as of a node, by its key."""
@@ -236,6 +239,9 @@ def _named(figure: str, say: Texts) -> str:
         if start in ("cold", "hot"):
             load = say(f"asked_{start}", load=asked)
         return say(f"figure_{what}", load=load.replace("_", " "))
+    if key not in table() and (found := TIMES.fullmatch(figure)):
+        kind = "number" if found["which"].isdigit() else "node"
+        return say(f"figure_tau_{kind}{found['fed'] or ''}", which=found["which"].replace("_", " "))
     return say(key) if key in table() else figure
 
 

@@ -121,7 +121,7 @@ def _effect(effect: FoundEffect, say: Texts) -> list[str]:
     )
     return [
         effect.id,
-        effect.law,
+        say("law_words", law=effect.law),
         say.number(numbers),
         say.number(f"{effect.probability:.2f}"),
         effect.equivalents_in_words() or "–",
