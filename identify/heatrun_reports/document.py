@@ -46,9 +46,6 @@ LONGEST_VALUE = 28
 BREAKS_EVERY = 40
 """Letters of a long word after which it may break, where it has no sign to break behind."""
 
-WORDS = re.compile("[a-z]{2} [a-z]{2}")
-"""Of a text that is more than a name or a formula."""
-
 SMALLEST_PLAIN, LARGEST_PLAIN = 1e-3, 1e6
 """Numbers outside have three digits; far outside, a power of ten."""
 
@@ -104,8 +101,7 @@ def document_content(
         "definitions": [[name, text] for name, text in report.definitions],
     }
     said = _again(texts, say)
-    is_whole = all(told(f, say)[1] for f in report.findings)
-    if is_whole and not any(WORDS.search(text) for text in say.unknown):
+    if say.is_whole and all(told(f, say)[1] for f in report.findings):
         said["remark"] = ""
     return _printed(said, [source.path for source in report.sources])
 
