@@ -139,6 +139,8 @@ def _described(outcome: Outcome) -> dict[str, Any]:
 
 
 def _text(outcomes: Sequence[Outcome]) -> str:
+    from heatrun.reports.printed import ranked
+
     from .document import number
 
     lines = []
@@ -154,7 +156,7 @@ def _text(outcomes: Sequence[Outcome]) -> str:
             lines.append(f"  {row.label:<40} {number(row.value, row.places):>12} {row.unit}{note}")
         lines += [
             f"  {finding.severity}: {finding.sentence()}"
-            for finding in outcome.report.findings
+            for finding in ranked(outcome.report.findings)
             if finding.severity != "note"
         ]
         lines += [*(f"  {path}" for path in outcome.written), ""]

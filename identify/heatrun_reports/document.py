@@ -25,13 +25,13 @@ from typing import Any
 
 from heatrun.errors import InputError
 from heatrun.io.quantities import plain, with_breaks
-from heatrun.io.texts import SENTENCES, Texts
+from heatrun.io.texts import Texts
 from heatrun.io.whole_files import names_begun, without_folders
 from heatrun.readers.dates import CLOCK_OF_DAY as CLOCK
 from heatrun.record.record import Record
 from heatrun.reports.figures import again, save
 from heatrun.reports.pdf import typeset
-from heatrun.reports.printed import fixed, told
+from heatrun.reports.printed import fixed, ranked, told
 
 from .bench_test_types import CARDS, Kind
 from .report import Cell, Line, Report, Row, Table
@@ -97,10 +97,13 @@ def document_content(
         "rows": [_row(row) for row in report.rows],
         "tables": [_printed_table(table) for table in report.tables],
         "captions": [drawing.caption for drawing in report.drawings],
-        "findings": [[f.severity, told(f, say)[0]] for f in report.findings],
+        "findings": [[f.severity, told(f, say)[0]] for f in ranked(report.findings)],
         "definitions": [[name, text] for name, text in report.definitions],
     }
-    return _printed(_again(texts, say), [source.path for source in report.sources])
+    said = _again(texts, say)
+    if say.is_whole and all(told(f, say)[1] for f in report.findings):
+        said["remark"] = ""
+    return _printed(said, [source.path for source in report.sources])
 
 
 def _again(texts: Mapping[str, Any], say: Texts) -> dict[str, Any]:
@@ -115,7 +118,7 @@ def _again(texts: Mapping[str, Any], say: Texts) -> dict[str, Any]:
     return {
         **texts,
         **{key: say.again(texts[key]) for key in ("title", "heading")},
-        "summary": " ".join(map(say.again, SENTENCES.split(texts["summary"]))),
+        "summary": " ".join(map(say.again, re.split(r"(?<=\.) ", texts["summary"]))),
         "meta": rows("meta", 1),
         "rows": rows("rows", 2),
         "definitions": rows("definitions"),
@@ -126,7 +129,7 @@ def _again(texts: Mapping[str, Any], say: Texts) -> dict[str, Any]:
                 "title": say.again(table["title"]),
                 "head": [say.again(text) for text in table["head"]],
                 "lines": [[say.again(text) for text in line] for line in table["lines"]],
-                "notes": [say.again(text) for text in table["notes"]],
+                "notes": [": ".join(map(say.again, note)) for note in table["notes"]],
             }
             for table in texts["tables"]
         ],
@@ -190,12 +193,12 @@ def _row(row: Row) -> list[str]:
 def _printed_table(table: Table) -> dict[str, Any]:
     head = [_with_unit(column.label, column.unit) for column in table.columns]
     lines = [[_with_unit(line.name, line.unit), *_short_cells(line)] for line in table.lines]
-    notes = [f"{line.name}: {line.note}" for line in table.lines if line.note]
+    notes = [(line.name, line.note) for line in table.lines if line.note]
     return {
         "title": table.title,
         "head": ["", *head],
         "lines": lines,
-        "notes": [*notes, table.note] if table.note else notes,
+        "notes": [*notes, (table.note,)] if table.note else notes,
     }
 
 
@@ -240,7 +243,7 @@ def report_content(report: Report, when: DateOfTest | None) -> dict[str, Any]:
             for r in report.rows
         ],
         "tables": [_table(table) for table in report.tables],
-        "findings": list(report.findings),
+        "findings": ranked(report.findings),
         "definitions": [{"name": name, "text": text} for name, text in report.definitions],
         "channels": list(report.channels),
         "sources": [

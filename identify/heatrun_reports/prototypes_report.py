@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from .prototypes import Confrontation
 
 
-DECIDED = {"uncertainty": "instruments"}
+DECIDED = {"uncertainty": "instruments", "given": "--tolerance"}
 """What decided a tolerance, where the word of the column is another one."""
 
 AT_A_GLANCE = 6
@@ -137,10 +137,10 @@ def _records(found: Confrontation) -> Table:
     lines = (
         Line("record", "", tuple(p.record.name for p in found.prototypes)),
         Line("came about", "", tuple(_origin(p) for p in found.prototypes)),
-        Line("begins, on the clock kept", "s", tuple(map(_milliseconds, from_s))),
+        Line("begins on the clock kept", "s", tuple(map(_milliseconds, from_s))),
         Line("lasts", "min", tuple(float(a[-1] - a[0]) / 60.0 for a in axes)),
         Line("sampling period", "s", tuple(median_step(a) for a in axes)),
-        Line("samples", "1", tuple(float(a.size) for a in axes)),
+        Line("samples", "1", tuple(a.size for a in axes)),
     )  # fmt: skip
     return Table("Prototypes", columns, lines)
 
@@ -270,7 +270,7 @@ DEFINITIONS = (
                "comparisons are over the time common to all prototypes."),
     ("Tolerance", RULE),
     ("Decided by", "rise, magnitude: the share of it; instruments: the combined uncertainty, which "
-                   "is the larger limit; given: by --tolerance."),
+                   "is the larger limit; --tolerance: as given there."),
     *((verdict.capitalize(), text) for verdict, text in VERDICTS.items()),
     ("Figures", f"Energy, distance and consumption agree within {PERCENT} of the earlier one's."),
 )  # fmt: skip
@@ -309,7 +309,7 @@ def prototypes_report(
     return Report(
         kind="prototypes",
         title=PROTOTYPES.title,
-        test=f"{', '.join(roles[:-1])} and {roles[-1]}",
+        test=", ".join(roles),
         motor=motor.name,
         summary=before(_first(found, run), summary(found)),
         rows=rows(found),
@@ -457,7 +457,7 @@ def _network_sentence(one: OnNetwork) -> str:
         f"{wording(s.channel)} {s.verdict} (bias {signed(s.bias, 1)} K, RMSE {s.rmse:.1f} K)"
         for s in one.temperatures
     ]
-    return f"Network of the run on {one.prototype.role}: {', '.join(parts)}."
+    return f"Network of the run on {one.prototype.role}: {'; '.join(parts)}."
 
 
 def counts(pair: Compared) -> tuple[int, int]:

@@ -162,7 +162,7 @@ def test_general_information_stands_side_by_side_over_the_time_in_common(report,
 
 
 def test_the_titles_are_the_roles_and_the_files_are_as_of_other_reports(report, folder):
-    assert report["test"] == "virtual, semi-real, real and semi-real-2"
+    assert report["test"] == "virtual, semi-real, real, semi-real-2"
     assert report["title"] == "Comparison of prototypes"
     names = sorted(path.name for path in (folder / "out").iterdir())
     assert names == [f"PrototypesComparison_2024_03_05_001.{end}" for end in ("csv", "json", "pdf")]

@@ -3,23 +3,35 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
 import pytest
 from dcc_structure import DCC, SI, violations
+from pypdf import PdfReader
 from scipy.linalg import expm
 
 import heatrun
 from heatrun import cli
 from heatrun.errors import InputError
+from heatrun.io.texts import LANGUAGES, Texts
 from heatrun.motor.file import load_motor, parse_motor
+from heatrun.record.motor import Certificate
+from heatrun.reports.figures import again
 from heatrun.shutdown.cooling import Cooling, UsualModes, _lagged
 from heatrun.shutdown.of_run import _modal, modes_of_run
 from heatrun.shutdown.printed import drawn
 from heatrun.shutdown.readings import Readings, read_readings
-from heatrun.shutdown.result import _reduced, allowed_delay_s, by_hand, winding_at_shutdown
+from heatrun.shutdown.result import (
+    _reason,
+    _reduced,
+    allowed_delay_s,
+    by_hand,
+    winding_at_shutdown,
+)
+from heatrun.shutdown.sheet import content
 
 COLD, COLD_degC, B, AIR = 0.482, 21.0, 234.5, 23.0
 MOTOR = f"""[motor]
@@ -399,6 +411,36 @@ def test_the_command_writes_what_it_says(tmp_path, capsys):
     assert cli.main([*command, "--model", "second"]) == 2
     assert cli.main([*command, "--seed", "1"]) == 1
     assert "exists and holds another result" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("language", LANGUAGES[1:])
+def test_the_page_says_nothing_in_english(tmp_path, language):
+    scatter = np.random.default_rng(7).normal(0.0, 0.03, TIME_S.size)
+    values = ohm(winding(TIME_S) + scatter)
+    values[9] *= 1.01
+    some = found(tmp_path, values, text=MOTOR.replace("[shutdown]", "[shutdown]\nlead_sd = 0.1"))
+    assert some.left_out
+    late = [_reason(200.0, 9.0, 5.0, latest) for latest in (None, 199.0, 60.0)]
+    results = [replace(some, is_determinable=False, reason=reason) for reason in late]
+    say = Texts(language)
+    stated = Certificate(laboratory="Bench 3", operator="A")
+    for result in (some, *results):
+        said = content(result, stated, say)
+        again(drawn(result), say)
+        assert (said["remark"], say.unknown) == ("", {"M 112, readings"})  # the title of the figure
+    assert said["identification"] == [[say("laboratory"), "Bench 3"], [say("operator"), "A"]]
+
+
+def test_the_command_speaks_the_language_of_the_certificate_or_that_asked_for(tmp_path):
+    text = MOTOR + '[certificate]\nlanguage = "de"\nlaboratory = "Bench 3"\n'
+    (tmp_path / "motor.toml").write_text(text, encoding="utf-8")
+    path = write(tmp_path, TIME_S, ohm(winding(TIME_S)))
+    command = ["shutdown", str(tmp_path / "motor.toml"), str(path), "--out", str(tmp_path / "out")]
+    for more, title in (([], "im Abschaltzeitpunkt"), (["--language", "it"], "alla disinserzione")):
+        assert cli.main([*command, *more]) == 0
+        page = PdfReader(tmp_path / "out" / "shutdown.pdf").pages[0].extract_text()
+        assert title in page
+        assert "Bench 3" in page
 
 
 LABORATORY = """number = "7"

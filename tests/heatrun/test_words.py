@@ -23,12 +23,13 @@ from heatrun.io import texts
 from heatrun.io.texts import FIELD, LANGUAGES, SENTENCES, Texts, table
 from heatrun.model.network_text import SHIPPED, network_named
 from heatrun.motor.file import load_motor
+from heatrun.readers.joined import read_test
 from heatrun.record.findings import FINDINGS
 from heatrun.record.motor import Certificate
 from heatrun.record.record import Finding, Record
 from heatrun.reports import discovery
-from heatrun.reports.content import LABELS, sheet_content
-from heatrun.reports.figures import again
+from heatrun.reports.content import LABELS, _named, sheet_content
+from heatrun.reports.figures import again, pairs
 from heatrun.reports.pdf import write_pdf
 from heatrun.reports.printed import told
 from heatrun.results import DiscoveryResult, FitResult, from_json
@@ -36,8 +37,11 @@ from heatrun.results.discovery import ProposedTest
 from heatrun.results.model import MaybeMissing
 from heatrun.runs.verdict import USES
 from heatrun_reports import job, make_report
-from heatrun_reports.document import document_content
+from heatrun_reports.document import document_content, report_content
+from heatrun_reports.job import build_report
 from heatrun_reports.plot import SYMBOLS
+from heatrun_reports.prototypes import read_prototypes
+from heatrun_reports.prototypes_report import prototypes_report
 from lptn.effects import EFFECTS
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
@@ -249,6 +253,25 @@ def test_meanings_and_names_of_the_networks_and_effects_are_in_the_table():
         assert not say.unknown
 
 
+@pytest.mark.parametrize("language", LANGUAGES[1:])
+def test_laws_of_effects_have_no_english_words(language):
+    say = Texts(language)
+    for kind in EFFECTS:
+        law = say("law_words", law=kind.card.law)
+        assert not re.search(r"\b(the|speed|heats?|splits|for|over|under|adds)\b|\d\.\d", law)
+
+
+def test_time_constants_of_more_nodes_have_words_and_figures_decimal_commas():
+    say = Texts("it")
+    names = ("tau_2_s", "tau_2_feedback_s", "tau_end_winding_s")
+    assert [_named(name, say) for name in names] == [
+        "Costante di tempo 2", "Costante di tempo 2 in corrente", "Costante di tempo, solo testata",
+    ]  # fmt: skip
+    figure = pairs({"Req_w": np.linspace(0.11, 0.19, 9)}, {"Req_w": "K/W"}, say)
+    figure.draw_without_rendering()
+    assert all("," in label.get_text() for label in figure.axes[0].get_xticklabels())
+
+
 def variants(result):
     """Results whose pages say what pages can say."""
     model = result.models["second"]
@@ -456,4 +479,31 @@ def test_titles_labels_heads_and_captions_of_reports_are_in_the_table(kind, tmp_
     if kind == "general":
         text = "".join(page.extract_text() for page in PdfReader(made.pdf).pages)
         assert "pagina 1 di" in text
-        assert "senza traduzione" in " ".join(text.split())
+        assert "senza traduzione" not in " ".join(text.split())
+    assert said["remark"] == ""
+
+
+@pytest.mark.parametrize("language", LANGUAGES[1:])
+def test_a_report_on_prototypes_says_nothing_in_english(language):
+    motor = load_motor(DATA / "prototypes" / "motor.toml")
+    roles = dict(zip(("semi-real", "real"), ROAD, strict=True))
+    report = prototypes_report(motor, read_prototypes(list(roles.items()), motor))
+    say = Texts(language)
+    content = document_content(report, report_content(report, None), say)
+    for drawing in report.drawings:
+        again(drawing.draw(), say)
+    names = {path.name.removesuffix(".csv.gz") for path in ROAD}
+    assert say.unknown == {*roles, *names, "real − semi-real"}
+    assert content["remark"] == ""
+    lines = {line[0]: line[1:] for line in content["tables"][0]["lines"]}
+    assert lines[say("came_about")] == [say("came_measured")] * 2
+    assert lines[say("num_of_samples")] == ["5321", "1064"]
+
+
+def test_a_report_says_that_texts_stay_in_english_and_the_worst_finding_first():
+    motor = load_motor(DATA / "prototypes" / "motor.toml")
+    report = build_report("general", motor, read_test(ROAD[0], motor))
+    odd = [Finding("odd", each, "Something is odd.") for each in ("note", "warning", "error")]
+    content = document_content(replace(report, findings=tuple(odd)), {}, Texts("de"))
+    assert [line[0] for line in content["findings"]] == ["Fehler", "Warnung", "Hinweis"]
+    assert "englischer Sprache" in content["remark"]

@@ -101,15 +101,14 @@ def unit_assumed(record: Record, motor: Motor) -> Iterator[Finding]:
     assumed = [one for one in record.mapping if one.unit_from == "assumed"]
     if not assumed:
         return
-    first = assumed[0]
-    told = ", ".join(f"{one.channel} in {one.unit} (column '{one.column}')" for one in assumed)
+    lines = [f'{one.channel} = "{one.column} [{one.unit}]"' for one in assumed]
     yield Finding(
         "unit_assumed",
         "note",
-        f"No unit is given in the file or in [columns]; assumed: {told}. A wrong unit scales "
-        "the parameters.",
+        f"No unit is given in the file or in [columns]; assumed: {', '.join(lines)}. A wrong "
+        "unit scales the parameters.",
         record.name,
-        f'State them: [columns] {first.channel} = "{first.column} [{first.unit}]".',
+        f"State them: [columns] {lines[0]}.",
         values={"num_columns": float(len(assumed))},
     )
 

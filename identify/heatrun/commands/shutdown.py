@@ -11,6 +11,7 @@ from . import words
 from .console import DONE, NOT_ALLOWED, printable, say
 
 if TYPE_CHECKING:
+    from ..record.motor import Certificate
     from ..shutdown.result import ShutdownResult
 
 
@@ -48,6 +49,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "(default: 5)",
     )
     words.add_meta(parser)
+    words.add_language(parser, "of page, figure and workbook")
     words.add_dcc(parser)
     words.add_seed(parser)
     words.add_out(parser, "folder for the results: JSON, PDF, XLSX, figure, curve (default: none)")
@@ -84,9 +86,10 @@ def run(options: argparse.Namespace) -> int:
         seed=options.seed,
     )
     if options.out is not None:
-        document = _certificate(result, options) if has_dcc else None
+        stated = _stated(options)
+        document = _certificate(result, stated, options) if has_dcc else None
         for path in write_results(
-            result, options.out, certificate=document, is_replacing=options.force
+            result, options.out, stated=stated, certificate=document, is_replacing=options.force
         ):
             say(str(path))
     if options.json:
@@ -96,16 +99,23 @@ def run(options: argparse.Namespace) -> int:
     return DONE if result.is_determinable else NOT_ALLOWED
 
 
-def _certificate(result: ShutdownResult, options: argparse.Namespace) -> bytes:
-    """Return the certificate, valid under the schema where one is given."""
+def _stated(options: argparse.Namespace) -> Certificate:
+    """Return what the laboratory states, and the language that was asked for."""
     from ..motor.certificate import load_meta
     from ..motor.file import load_motor
-    from ..reports.dcc_schema import validate
-    from ..shutdown.sheet import dcc_text
+    from ..record.motor import Certificate
 
     stated = load_motor(options.motor).certificate
     if options.meta is not None:
         stated = stated.beneath(load_meta(options.meta))
+    return stated.beneath(Certificate(language=options.language))
+
+
+def _certificate(result: ShutdownResult, stated: Certificate, options: argparse.Namespace) -> bytes:
+    """Return the certificate, valid under the schema where one is given."""
+    from ..reports.dcc_schema import validate
+    from ..shutdown.sheet import dcc_text
+
     document = dcc_text(result, stated)
     if options.dcc_schema is not None:
         validate(document, options.dcc_schema)

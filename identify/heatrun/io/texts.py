@@ -2,12 +2,14 @@
 
 `texts.toml` holds each sentence in all languages under a key. What a page says itself (`[page]`,
 `[discovery]`) is asked for by its key. What runs, reports, discoveries and findings state in
-English (`[run]`, `[report]`, `[discovered]`, `[sentence]`) is recognised by the English text of the
-table, and said `again` in the language of the page; of findings sentence by sentence.
+English (`[run]`, `[report]`, `[discovered]`, `[shutdown]`, `[sentence]`) is recognised by the
+English text of the table, and said `again` in the language of the page; of findings sentence by
+sentence.
 
 A field of a text is `{name}`, as it is given; `{name:n}`, numbers, with the decimal sign of the
-language, `{name:v}` names with such numbers; `{name:t}` or, without commas in it, `{name:w}`, words
-that are said again; `{name:m}`, a network with its effects; `{name:i}`, an id; `{name:d}`, a day.
+language, `{name:v}` names with such numbers; `{name:t}` or, without commas or colons in it,
+`{name:w}`, words that are said again, `{name:u}` a unit, which may be the same in all; `{name:m}`,
+a network with its effects; `{name:i}`, an id; `{name:d}`, a day.
 """
 
 from __future__ import annotations
@@ -27,7 +29,10 @@ LANGUAGES = ("en", "de", "it")
 FIELD = re.compile(r"\{(\w+)(?::(\w))?\}")
 
 NUMBER = r"[-+±]?\d[\d.]*(?:e[-+]\d+)?(?:(?: … | ± )[-+]?\d[\d.]*)*"
-KINDS = {"n": NUMBER, "d": r"\d{4}-\d\d-\d\d", "i": "[a-z_]+", "w": "[^,;]+?"}
+WORDS = re.compile("[a-z]{2} [a-z]{2}")
+"""Of a text that is more than a name or a formula."""
+
+KINDS = {"n": NUMBER, "d": r"\d{4}-\d\d-\d\d", "i": "[a-z_]+", "w": "[^,;:]+?", "u": r"[^\[\]]+?"}
 """What a field may hold where a text is recognised, by its kind; of other kinds, anything."""
 
 
@@ -49,7 +54,7 @@ def _whole() -> dict[str, str]:
     return {row[0]: key for key, row in table().items() if not FIELD.search(row[0])}
 
 
-STATED, OF_FINDINGS = ("run", "report", "discovered"), ("sentence",)
+STATED, OF_FINDINGS = ("run", "report", "discovered", "shutdown"), ("sentence",)
 """Sections in which a text is recognised."""
 
 
@@ -82,6 +87,11 @@ class Texts:
         self.language = language
         self.unknown: set[str] = set()
         self._column = LANGUAGES.index(language)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all that was to be said again and is more than a name has been."""
+        return not any(WORDS.search(text) for text in self.unknown)
 
     def __call__(self, key: str, **fields: object) -> str:
         """Return a text.
@@ -137,14 +147,21 @@ class Texts:
 
     def _all_known(self, parts: Sequence[str], sections: tuple[str, ...] = STATED) -> list[str]:
         """Return texts again; none at all where one of them is not known."""
-        said = [self._known(part, sections) for part in parts]
-        return [] if None in said else [each for each in said if each]
+        said, before = [], set(self.unknown)
+        for part in parts:
+            if (each := self._known(part, sections)) is None:
+                self.unknown &= before
+                return []
+            said.append(each)
+        return said
 
     def _printed(self, text: str, kind: str | None) -> str:
         if kind in ("n", "v"):
             return self.number(text)
         if kind in ("w", "t"):
             return self.again(text)
+        if kind == "u":
+            return self._known(text) or text
         if kind == "e":
             return text.replace(" and ", f" {self('and')} ")
         if kind == "m":

@@ -89,9 +89,9 @@ def _identification(result: FitResult, certificate: Certificate, say: Texts) -> 
     rows = [
         [say("number"), certificate.number],
         [say("issue_date"), certificate.issue_date],
-        [say("laboratory"), _joined([certificate.laboratory, certificate.laboratory_address])],
-        [say("customer"), _joined([certificate.customer, certificate.customer_address])],
-        [say("machine"), _joined([clean(result.motor.name), certificate.machine_type])],
+        [say("laboratory"), joined([certificate.laboratory, certificate.laboratory_address])],
+        [say("customer"), joined([certificate.customer, certificate.customer_address])],
+        [say("machine"), joined([clean(result.motor.name), certificate.machine_type])],
         [say("manufacturer"), certificate.manufacturer],
         [say("serial_number"), certificate.serial_number],
         [say("test_date"), str(days) if days.first == days.last else say.again(str(days))],
@@ -123,7 +123,7 @@ def _dates(result: FitResult, certificate: Certificate, say: Texts) -> dict[str,
     }
 
 
-def _joined(parts: Iterable[str]) -> str:
+def joined(parts: Iterable[str]) -> str:
     """Return parts with commas between them; one that repeats another stands once."""
     return ", ".join(dict.fromkeys(part for part in parts if part))
 

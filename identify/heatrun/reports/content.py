@@ -23,9 +23,7 @@ from .certificate import (
     parameter_lines,
     places_of_current,
 )
-from .printed import format_interval, format_value, num_stated, signed, told
-
-GRAVITY = {"error": 0, "warning": 1, "note": 2}
+from .printed import format_interval, format_value, num_stated, ranked, signed, told
 
 
 def sheet_content(
@@ -45,8 +43,7 @@ def sheet_content(
     certificate = certificate or Certificate()
     say = say or Texts(certificate.language or LANGUAGES[0])
     model = result.models[favoured(result)]
-    own = [each for each in result.findings if concerns(each, result)]
-    own.sort(key=lambda each: GRAVITY[each.severity])
+    own = ranked([each for each in result.findings if concerns(each, result)])
     graver = [each for each in own if each.severity != "note"]
     columns = [(clean(names), rows, _assumed(rows)) for names, rows in grouped(result.tests)]
     return {
@@ -229,6 +226,9 @@ ASKED = re.compile(
 )
 """Names of figures that `--rating` asks for."""
 
+TIMES = re.compile(r"tau_(?P<which>\w+?)(?P<fed>_feedback)?_s")
+"""Names of time constants that have no text of their own."""
+
 
 def _named(figure: str, say: Texts) -> str:
     """Return a derived figure in words; one that the table lacks, such as of a node, by its key."""
@@ -239,6 +239,9 @@ def _named(figure: str, say: Texts) -> str:
         if start in ("cold", "hot"):
             load = say(f"asked_{start}", load=asked)
         return say(f"figure_{what}", load=load.replace("_", " "))
+    if key not in table() and (found := TIMES.fullmatch(figure)):
+        kind = "number" if found["which"].isdigit() else "node"
+        return say(f"figure_tau_{kind}{found['fed'] or ''}", which=found["which"].replace("_", " "))
     return say(key) if key in table() else figure
 
 

@@ -60,7 +60,7 @@ def write_report(result: DiscoveryResult, figures: Sequence[Path], path: Path, s
 def report_content(result: DiscoveryResult, say: Texts) -> dict[str, Any]:
     """Return the words of the report; what the table of texts lacks stays English, and is said."""
     content = _content(result, say)
-    remark = [say("rest_in_english")] if say.unknown else []
+    remark = [] if say.is_whole else [say("rest_in_english")]
     return {**content, "limits": [*content["limits"], *remark]}
 
 
@@ -121,7 +121,7 @@ def _effect(effect: FoundEffect, say: Texts) -> list[str]:
     )
     return [
         effect.id,
-        effect.law,
+        say("law_words", law=effect.law),
         say.number(numbers),
         say.number(f"{effect.probability:.2f}"),
         effect.equivalents_in_words() or "–",

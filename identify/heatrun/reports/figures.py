@@ -64,7 +64,7 @@ def draw(
     if len(titles) == 2:
         wanted[f"{'_against_'.join(titles)}.png"] = partial(errors, tables, titles, say)
     if draws:
-        wanted["posterior.png"] = partial(pairs, draws, units)
+        wanted["posterior.png"] = partial(pairs, draws, units, say)
     written = [drawn(figure, folder / name, attempts) for name, figure in wanted.items()]
     return [path for path in written if path is not None]
 
@@ -166,7 +166,7 @@ def _nodes(table: pd.DataFrame, network: str) -> list[str]:
     return [node for node in found if node not in ("total", "parameters")]
 
 
-def pairs(draws: Mapping[str, np.ndarray], units: Mapping[str, str]) -> Figure:
+def pairs(draws: Mapping[str, np.ndarray], units: Mapping[str, str], say: Texts) -> Figure:
     """Return marginal and pairwise densities of the parameters."""
     names = list(draws)
     size = len(names)
@@ -185,6 +185,8 @@ def pairs(draws: Mapping[str, np.ndarray], units: Mapping[str, str]) -> Figure:
                 axis.hist2d(draws[left], draws[lower], bins=25, cmap="Blues", rasterized=True)
                 axis.yaxis.set_major_locator(MaxNLocator(3))
             axis.xaxis.set_major_locator(MaxNLocator(3))
+            for each in (axis.xaxis, axis.yaxis):
+                each.set_major_formatter(Decimal(say))
             # a row and a column share their scale: it is written once
             axis.tick_params(labelsize=6, labelbottom=row == size - 1, labelleft=column == 0)
             axis.tick_params(axis="x", labelrotation=45)

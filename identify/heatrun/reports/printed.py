@@ -233,6 +233,12 @@ def num_stated(tests: Sequence[DescribedTest], channel: str) -> int:
     return sum(channel in constants_of(test.notes) for test in tests)
 
 
+def ranked(findings: Sequence[Finding]) -> list[Finding]:
+    """Return findings, the gravest first."""
+    order = {"error": 0, "warning": 1, "note": 2}
+    return sorted(findings, key=lambda finding: order[finding.severity])
+
+
 def told(finding: Finding, say: Texts) -> tuple[str, bool]:
     """Return a finding as a line of text, and whether all of it is in the language of the page.
 

@@ -27,7 +27,7 @@ from ..runs.verdict import (
     thermal,
 )
 from .certificate import ENGLISH, at_end, certificate_content, parameter_lines
-from .printed import format_interval, format_value, interval_ends
+from .printed import format_interval, format_value, interval_ends, ranked
 
 if TYPE_CHECKING:  # JAX comes with it
     from ..runs.before_after import BeforeAfter, Change
@@ -50,12 +50,6 @@ MOST_SPANS = 6
 """Of what is missing; more of them are in the report."""
 
 _MARK = {"error": "ERROR  ", "warning": "warning", "note": "note   "}
-
-
-def ranked(findings: Sequence[Finding]) -> list[Finding]:
-    """Return findings, the gravest first."""
-    order = {"error": 0, "warning": 1, "note": 2}
-    return sorted(findings, key=lambda finding: order[finding.severity])
 
 
 def findings_text(findings: Sequence[Finding], *, verbose: bool = False) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..io.quantities import quantity
+from ..io.texts import Texts
 from .cooling import NUM_DRAWS
 from .result import Limit, ShutdownResult
 
@@ -159,8 +160,12 @@ def drawn(result: ShutdownResult) -> Figure:
     return figure
 
 
-def figure(result: ShutdownResult) -> bytes:
-    """Return the figure as PNG."""
+def figure(result: ShutdownResult, say: Texts | None = None) -> bytes:
+    """Return the figure as PNG, in the language of `say`; English if None."""
+    from ..reports.figures import again
+
     stream = io.BytesIO()
-    drawn(result).savefig(stream, format="png", dpi=150, metadata={"Software": None})
+    again(drawn(result), say or Texts()).savefig(
+        stream, format="png", dpi=150, metadata={"Software": None}
+    )
     return stream.getvalue()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import tempfile
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import xlsxwriter
 
 from ..errors import InputError
 from ..io.quantities import clean, quantity
+from ..io.texts import LANGUAGES, Texts
 from ..io.whole_files import (
     NO_DATE,
     is_other,
@@ -23,6 +25,7 @@ from ..io.whole_files import (
     write_whole,
 )
 from ..record.motor import Certificate
+from ..reports.certificate import joined
 from ..reports.dcc import (
     add,
     add_budget,
@@ -47,47 +50,110 @@ from .result import ShutdownResult, as_content
 TEMPLATE = resources.files("heatrun.shutdown") / "shutdown.typ"
 
 
-def content(result: ShutdownResult) -> dict[str, Any]:
-    """Return the words of the sheet."""
-    answer, *lines = answer_lines(result)
-    return {
+HEADINGS = (
+    "Winding temperature at switch-off",
+    "By hand from the same readings",
+    "Where the uncertainty comes from (GUM)",
+    "What was read",
+)
+HAND = ("method", "winding [°C]", "difference [K]", "clause or source")
+BUDGET = (
+    "source", "standard uncertainty u", "sensitivity [K per unit]", "contribution [K]", "share",
+)  # fmt: skip
+
+
+def content(
+    result: ShutdownResult, stated: Certificate | None = None, say: Texts | None = None
+) -> dict[str, Any]:
+    """Return the words of the sheet.
+
+    Args:
+        result: The result.
+        stated: What the laboratory states.
+        say: The texts in the language of the sheet; None for English.
+    """
+    say = say or Texts()
+
+    def again(rows: Sequence[str]) -> list[str]:
+        return [say.again(text) for text in rows]
+
+    answer, *lines = again(answer_lines(result))
+    said = {
         "title": clean(result.motor),
         "version": f"heatrun {__version__}",
+        "headings": again(HEADINGS),
+        "identification": _identification(stated or Certificate(), say),
         "answer": answer,
         "lines": lines,
-        "hand": hand_cells(result),
-        "budget": budget_cells(result),
-        "sum": budget_sum(result),
+        "hand_head": again(HAND),
+        "hand": [again(row) for row in hand_cells(result)],
+        "budget_head": again(BUDGET),
+        "budget": [
+            [say.again(source), *map(say.number, cells)] for source, *cells in budget_cells(result)
+        ],
+        "sum": say.again(budget_sum(result)),
         "notes": [
-            *map(clean, result.notes),
+            *again([clean(note) for note in result.notes]),
             f"{clean(result.readings)}, SHA-256 {result.sha256}",
         ],
+        "page": say("page"),
+        "of": say("of"),
     }
+    return {**said, "remark": "" if say.is_whole else say("rest_in_english")}
 
 
-def pdf(result: ShutdownResult, drawn: bytes) -> bytes:
+def _identification(stated: Certificate, say: Texts) -> list[list[str]]:
+    """Return label and value of each line that the laboratory states."""
+    rows = [
+        ("laboratory", joined([stated.laboratory, stated.laboratory_address])),
+        ("customer", joined([stated.customer, stated.customer_address])),
+        ("manufacturer", stated.manufacturer),
+        ("serial_number", stated.serial_number),
+        ("bench", stated.bench),
+        ("operator", stated.operator),
+        ("approved_by", stated.approved_by),
+    ]
+    return [[say(key), value] for key, value in rows if value]
+
+
+def pdf(
+    result: ShutdownResult,
+    drawn: bytes,
+    stated: Certificate | None = None,
+    say: Texts | None = None,
+) -> bytes:
     """Return the sheet as PDF.
 
     Args:
         result: The result.
         drawn: Its figure.
+        stated: As `content`.
+        say: As `content`.
     """
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "figure.png"
         path.write_bytes(drawn)
-        return typeset(TEMPLATE, content(result), [path], Path(name) / "sheet.pdf").read_bytes()
+        return typeset(
+            TEMPLATE, content(result, stated, say), [path], Path(name) / "sheet.pdf"
+        ).read_bytes()
 
 
-def xlsx(result: ShutdownResult) -> bytes:
-    """Return the workbook: the answer, the budget in live formulas, the readings with a chart."""
+def xlsx(result: ShutdownResult, say: Texts | None = None) -> bytes:
+    """Return the workbook: the answer, the budget in live formulas, the readings with a chart.
+
+    Args:
+        result: The result.
+        say: As `content`.
+    """
+    say = say or Texts()
     stream = io.BytesIO()
     with xlsxwriter.Workbook(stream, AS_TEXT) as book:
         book.set_properties({"created": stated_moment() or NO_DATE})
         cells = Cells(book)
-        _answer_cells(book, cells, result)
-        sheet = book.add_worksheet("Budget")
-        add_budget_rows(sheet, cells, 0, result.budget, result.standard_uncertainty_K, "K")
-        _readings(book, cells, result)
+        _answer_cells(book, cells, result, say)
+        sheet = book.add_worksheet(say("sheet_budget"))
+        add_budget_rows(sheet, cells, 0, result.budget, result.standard_uncertainty_K, "K", say)
+        _readings(book, cells, result, say)
     return stream.getvalue()
 
 
@@ -95,6 +161,7 @@ def write_results(
     result: ShutdownResult,
     folder: Path,
     *,
+    stated: Certificate | None = None,
     certificate: bytes | None = None,
     is_replacing: bool = False,
 ) -> list[Path]:
@@ -103,19 +170,21 @@ def write_results(
     Args:
         result: The result.
         folder: Where to; it is made.
+        stated: What the laboratory states, and the language; None for nothing, in English.
         certificate: Its Digital Calibration Certificate; None for none.
         is_replacing: Whether another result that stands there is replaced.
 
     Raises:
         InputError: If the folder cannot be written, or holds another result.
     """
-    drawn = figure(result)
+    say = Texts((stated and stated.language) or LANGUAGES[0])
+    drawn = figure(result, say)
     contents = {
         "shutdown.json": (to_json(as_content(result)) + "\n").encode(),
         "readings.csv": table(result),
         "shutdown.png": drawn,
-        "shutdown.pdf": pdf(result, drawn),
-        "shutdown.xlsx": xlsx(result),
+        "shutdown.pdf": pdf(result, drawn, stated, say),
+        "shutdown.xlsx": xlsx(result, say),
     }
     if certificate is not None:
         contents["dcc.xml"] = certificate
@@ -128,9 +197,12 @@ def write_results(
     return [folder / name for name in contents]
 
 
-def _answer_cells(book: Any, cells: Cells, result: ShutdownResult) -> None:
-    sheet = book.add_worksheet("Switch-off")
-    said = content(result)
+MEDIAN = ("median", "2.5 %", "97.5 %")
+
+
+def _answer_cells(book: Any, cells: Cells, result: ShutdownResult, say: Texts) -> None:
+    sheet = book.add_worksheet(say.again("Switch-off"))
+    said = content(result, None, say)
     for row, line in enumerate((said["title"], said["answer"], *said["lines"])):
         sheet.write_string(row, 0, line, cells.bold if row < 2 else None)
     row = 3 + len(said["lines"])
@@ -139,16 +211,17 @@ def _answer_cells(book: Any, cells: Cells, result: ShutdownResult) -> None:
         ("rise", result.rise_K, result.rise_95_K, "K"),
         *((f"left to {one.name}", one.margin_K, one.margin_95_K, "K") for one in result.limits),
     ]
-    sheet.write_row(row, 0, ("", "median", "2.5 %", "97.5 %", "unit"), cells.bold)
+    sheet.write_row(row, 0, ("", *map(say.again, (*MEDIAN, "unit"))), cells.bold)
     for name, value, (low, high), unit in rows:
         row += 1
-        for column, one in enumerate((name, value, low, high, unit)):
+        for column, one in enumerate((say.again(name), value, low, high, unit)):
             write(sheet, row, column, one, cells.digits(1))
-    sheet.write_row(row + 2, 0, ("by hand", "winding [°C]", "difference [K]", "source"),
-                    cells.bold)  # fmt: skip
+    sheet.write_row(row + 2, 0, said["hand_head"], cells.bold)
     for one in result.by_hand:
         off = one.degC - result.winding_degC
-        for column, value in enumerate((one.method, one.degC, off, one.source)):
+        for column, value in enumerate(
+            (say.again(one.method), one.degC, off, say.again(one.source))
+        ):
             write(sheet, row + 3, column, value, cells.digits(1))
         row += 1
     for note in said["notes"]:
@@ -158,9 +231,11 @@ def _answer_cells(book: Any, cells: Cells, result: ShutdownResult) -> None:
     sheet.set_column(1, 4, 14)
 
 
-def _readings(book: Any, cells: Cells, result: ShutdownResult) -> None:
-    sheet = book.add_worksheet("Readings")
-    head = ("time since switch-off [s]", "reading [°C]", "winding [°C]", "2.5 %", "97.5 %")
+def _readings(book: Any, cells: Cells, result: ShutdownResult, say: Texts) -> None:
+    name_of_sheet = say.again("Readings")
+    sheet = book.add_worksheet(name_of_sheet)
+    english = ("time since switch-off [s]", "reading [°C]", "winding [°C]", *MEDIAN[1:])
+    head = [say.again(text) for text in english]
     sheet.write_row(0, 0, head, cells.bold)
     time_s = np.union1d(result.time_s, result.reading_time_s)
     low, middle, high = (np.interp(time_s, result.time_s, one) for one in result.curve_degC)
@@ -178,9 +253,9 @@ def _readings(book: Any, cells: Cells, result: ShutdownResult) -> None:
         (3, {"width": 0.75, "dash_type": "dash"}, {"type": "none"}),
         (4, {"width": 0.75, "dash_type": "dash"}, {"type": "none"}),
     ):
-        cells_of = {"categories": ["Readings", 1, 0, last, 0],
-                    "values": ["Readings", 1, column, last, column]}  # fmt: skip
-        name = ["Readings", 0, column]
+        cells_of = {"categories": [name_of_sheet, 1, 0, last, 0],
+                    "values": [name_of_sheet, 1, column, last, column]}  # fmt: skip
+        name = [name_of_sheet, 0, column]
         chart.add_series({"name": name, **cells_of, "line": line, "marker": marker})
     chart.set_x_axis({"name": head[0], "major_gridlines": {"visible": False}, "min": 0})
     lowest = 10.0 * np.floor(float(np.min(low)) / 10.0)

@@ -103,7 +103,7 @@ def pair_records(
     else:
         _require_overlap(test, reference, offset_s)
         found = likeness(test, reference, channels, offset_s)
-        offset = Offset(offset_s, 0.0, found, "given")
+        offset = Offset(offset_s, 0.0, found, "by --offset")
     _require_overlap(test, reference, offset.offset_s)
     axis, method, is_averaged = _axis(test, reference, offset.offset_s)
     ours = _on(axis, test, channels, 0.0, is_averaged == "test")
@@ -147,7 +147,7 @@ def _axis(test: Record, reference: Record, offset_s: float) -> tuple[np.ndarray,
             where=f"{test.name}, {reference.name}",
             remedy="Are they of one manoeuvre?",
         )
-    head = f"Common axis: the samples of the {coarse} ({steps[coarse]:.3g} s apart)"
+    head = f"common axis: the samples of the {coarse} ({steps[coarse]:.3g} s apart)"
     if steps[fine] <= FINER * steps[coarse]:
         return axis, f"{head}; the {fine} is averaged over the time each stands for.", fine
     return axis, f"{head}; the {fine} is interpolated linearly.", ""
