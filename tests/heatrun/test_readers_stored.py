@@ -367,6 +367,25 @@ def test_damaged_and_empty_files(path):
         read_raw(path)
 
 
+def test_groups_with_times_of_their_own_are_joined_by_them(tmp_path):
+    fast_s = np.arange(0.0, 600.0, 1.0)
+    slow_s = np.arange(0.0, 600.0, 10.0)
+    groups = {
+        "Slow/time": (slow_s, {"units": "s"}),
+        "Slow/T_winding": (20.0 + 0.1 * slow_s, {"units": "degC"}),
+        "Fast/time": (fast_s, {"units": "s"}),
+        "Fast/losses_W": (fast_s, {"units": "W"}),
+    }
+    record = read_record(hdf5(tmp_path / "test.h5", groups), MOTOR)
+    at = np.flatnonzero(np.isfinite(record["winding_degC"]))
+    np.testing.assert_allclose(record["winding_degC"][at], 20.0 + 0.1 * record.time_s[at])
+    np.testing.assert_allclose(record["losses_W"][1:-1], record.time_s[1:-1], atol=0.5)
+    assert not [one for one in record.findings if one.id == "variables_left_out"]
+    of_hours = groups | {"Slow/time": (slow_s / 3600.0, {"units": "h"})}
+    table = read_raw(hdf5(tmp_path / "units.h5", of_hours))
+    assert [one.id for one in table.findings] == ["variables_left_out"]
+
+
 def test_a_group_of_another_length_is_to_be_a_file_of_its_own(tmp_path):
     short = {"Slow/ambient": (np.full(N // 2, 295.0), {"units": "K"})}
     table = read_raw(hdf5(tmp_path / "test.h5", VARIABLES | short))

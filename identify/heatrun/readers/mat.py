@@ -18,6 +18,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..io.open_file import LARGEST_NUMBERS
+from ..record.header import split_name
 from ..record.record import Finding
 from ..record.table import Table
 from .foreign import BrokenFileError, reading
@@ -31,6 +32,9 @@ VALUES = frozenset(("values", "value", "data", "signal"))
 NAMES = ("label", "name", "signalname", "title")
 UNITS = ("unit", "units", "unitstring")
 """Fields of a struct of one signal, in lower case."""
+
+TIMES = frozenset(("t", "time", "timestamp", "zeit", "tempo", "temps"))
+"""What the times of a group or struct are called, in lower case."""
 
 TIME = "time"
 """What dSPACE calls X beside Y, whatever name it gives it."""
@@ -308,6 +312,9 @@ def table_of(
             where=where,
             remedy=_remedy(found),
         )
+    groups = _own_times(found, joint)
+    if len({_size(times) for times, _ in groups}) > 1:
+        return _joined(groups, found, reader, where, is_grouped=joint == "/")
     # The length that most variables have; settings are short, so that a long one weighs more.
     length = max(lengths, key=lambda size: (lengths[size] * math.log(size), size))
     columns, constants, left_out = [], {}, []
@@ -331,6 +338,68 @@ def table_of(
             left_out.append(leaf)
     findings = _left_out(left_out, length, where, is_grouped=joint == "/")
     return Table(tuple(columns), {}, constants, (), findings, reader)
+
+
+Group = tuple[Leaf, list[Leaf]]
+"""The times of a group or struct, and what it holds besides that is as long."""
+
+
+def _own_times(found: Sequence[Leaf], joint: str) -> list[Group]:
+    """Return the groups that have times of their own, all in one unit; none otherwise."""
+    held: dict[str, list[Leaf]] = {}
+    for leaf in found:
+        if isinstance(leaf.value, Stored) and is_vector(leaf.value.values):
+            held.setdefault(leaf.name.rpartition(joint)[0], []).append(leaf)
+    groups = []
+    for leaves_of in held.values():
+        times = [leaf for leaf in leaves_of if _is_time(leaf)]
+        others = [leaf for leaf in leaves_of if leaf not in times]
+        alike = [one for one in others if _size(one) == _size(times[0])] if times else []
+        if len(times) == 1 and alike and np.all(np.diff(_numbers(times[0])) > 0.0):
+            groups.append((times[0], alike))
+    return groups if len({getattr(one.value, "unit", None) for one, _ in groups}) == 1 else []
+
+
+def _is_time(leaf: Leaf) -> bool:
+    word = split_name(leaf.heading)[0].casefold().removesuffix("_s")
+    return word in TIMES
+
+
+def _numbers(leaf: Leaf) -> np.ndarray:
+    assert isinstance(leaf.value, Stored)
+    return leaf.value.values.ravel()
+
+
+def _size(leaf: Leaf) -> int:
+    return _numbers(leaf).size
+
+
+def _joined(
+    groups: Sequence[Group], found: Sequence[Leaf], reader: str, where: str, *, is_grouped: bool
+) -> Table:
+    """Return a table on the times of all groups, whose columns are empty at those of others."""
+    moments = np.unique(np.concatenate([_numbers(times) for times, _ in groups]))
+    used = {leaf.name for times, held in groups for leaf in (times, *held)}
+    first = groups[0][0]
+    assert isinstance(first.value, Stored)
+    columns = [first.value.column(first.heading, moments, heading=first.heading)]
+    for times, held in groups:
+        at = np.searchsorted(moments, _numbers(times))
+        for leaf in held:
+            samples = np.full(moments.size, np.nan)
+            samples[at] = _numbers(leaf)
+            assert isinstance(leaf.value, Stored)
+            columns.append(leaf.value.column(leaf.name, samples, heading=leaf.heading))
+    rest = [leaf for leaf in found if leaf.name not in used]
+    scalars = [leaf for leaf in rest if isinstance(leaf.value, Stored) and _size(leaf) == 1]
+    findings = _left_out(
+        [leaf for leaf in rest if leaf not in scalars], moments.size, where, is_grouped=is_grouped
+    )
+    return Table(
+        tuple(columns), {}, {leaf.name: float(_numbers(leaf)[0]) for leaf in scalars},
+        (f"{len(groups)} groups, each with the times of its own.",), findings, reader,
+        is_by_tag=True,
+    )  # fmt: skip
 
 
 def _titles(
