@@ -40,9 +40,6 @@ MOST_LISTED = 40
 
 LONGEST_FOOT = 60
 
-TOO_FAR = 20.0
-"""Upper over lower limit from which on a parameter counts as not determined [1]."""
-
 LARGEST_SHARE = 10.0
 """Spread or change from which on no upper limit is printed [1]."""
 
@@ -190,10 +187,10 @@ def _ranged(entry: ValueWithInterval, unit: str) -> str:
     return f"{quantity(value, unit)} ({ends[0]} … {ends[1]})"
 
 
-def _between(ends: Sequence[float], said: PopulationParameter) -> str:
+def _between(ends: tuple[float, float], said: PopulationParameter) -> str:
     low, high = ends
     unit = said.unit
-    if said.transform == "log" and high > TOO_FAR * low:
+    if not said.tells((low, high)):
         return "not determined"
     half = 0.5 * (high - low)
     texts = [format_value(end, half)[0] for end in ends]

@@ -244,7 +244,9 @@ def _row(name: str, said: PopulationParameter) -> tuple[str, str, str, str]:
         name,
         f"{_ranged(said.median)} {unit}".rstrip(),
         spread(said.spread, said.transform, said.unit),
-        f"{rounded(low, 4)} … {rounded(high, 4)} {unit}".rstrip(),
+        f"{rounded(low, 4)} … {rounded(high, 4)} {unit}".rstrip()
+        if said.tells((low, high))
+        else "not determined",
     )
 
 

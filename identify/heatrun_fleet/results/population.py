@@ -13,6 +13,10 @@ from heatrun.results.values import Count, Interval, NonNegative, Probability
 POPULATION_FORMAT = "heatrun-population/1"
 
 
+TOO_FAR = 20.0
+"""Upper over lower limit from which on a parameter counts as not determined [1]."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PopulationParameter:
     """A parameter over the machines of a type.
@@ -40,6 +44,11 @@ class PopulationParameter:
     next_log_sd: NonNegative | None
     next_sd: NonNegative | None
     next_interval_95: Interval
+
+    def tells(self, limits: Interval) -> bool:
+        """Return whether limits of it, such as those of tolerance, are near enough to tell it."""
+        low, high = limits
+        return self.transform != "log" or high <= TOO_FAR * low
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
