@@ -253,3 +253,4 @@ def test_two_prototypes_are_laid_on_one_clock():
     shifts, said = shifts_of([record("bench", 0.0), still])
     assert shifts == {}
     assert "one manoeuvre" in said
+    assert "--offset" not in said  # the page has no options
