@@ -127,7 +127,8 @@ def css() -> str:
 
 PART_CSS = f"""
     :host {{ {SCHEME} }}
-    select.bk-input:not([multiple]) {{ appearance: auto; background-image: none; }}
+    select.bk-input:not([multiple]) {{ appearance: auto; background-image: none;
+      padding-inline: 6px; text-overflow: ellipsis; }}
     .filepond--drop-label label {{ font-size: 13px; }}
 """
 """Style of each part of the page, to which the plain design gives colours for light alone."""

@@ -102,7 +102,7 @@ def test_calibrate_and_download_the_sheet_and_a_report(served, tab):
     _tab(tab, "Report")
     tab.get_by_label("Test type").select_option(label="Energy Consumption")
     _text(tab, "holds no electrical power, which this test type needs")
-    virtual = "Semi-real against Virtual Model Validation"
+    virtual = "Semi-real against Virtual Model"
     tab.get_by_label("Test type").select_option(label=virtual)
     _text(tab, "The bench beside a simulation")
     tab.get_by_role("button", name="Make report").click()  # the run of above is still selected
