@@ -25,7 +25,7 @@ from bokeh.plotting import figure
 from heatrun.io.quantities import printed_unit
 from heatrun.record.channels import CHANNELS
 
-from .look import Look
+from .look import INK, Look
 from .trace import (
     HELP,
     HOVER,
@@ -37,13 +37,14 @@ from .trace import (
     paint,
     sample,
     show_time,
+    tests_of,
 )
 
 NUM_POINTS = 2000
 """Points of a line over the width of the window: more than a laptop's screen has columns."""
 
 AXIS_PX = 48
-LEAST_PX, TALLEST_PX = 74, 420
+LEAST_PX, TALLEST_PX = 92, 420
 """Least height of a plot that can be read, and greatest that is of use."""
 
 NARROWEST_PX = 240
@@ -102,6 +103,11 @@ class Plots:
         self._bands, self._help = bands, told.help
         self._colours = colours(traces, len(look.palette))
         self._dashes = dashes(traces)
+        tests = tests_of(traces)
+        self._band_colours = [
+            tests.index(band.test) if len(tests) > 1 and band.test in tests else INK
+            for band in bands
+        ]
         self._sources = [ColumnDataSource({"t": [], "v": []}, name="signal") for _ in traces]
         self._samples = [Div(text="") for _ in traces]
         start, end = _span(traces)
@@ -110,7 +116,6 @@ class Plots:
         self.cursors = Cursors()
         self.readout = Div(text="", sizing_mode="stretch_width", name="readout")
         self._figures: dict[str, Any] = {}
-        self._lines: list[Any] = []
         for unit in sorted({trace.unit for trace in traces}, key=_place):
             self._figures[unit] = self._figure(unit)
         self._draw(look, told)
@@ -186,10 +191,6 @@ class Plots:
         Args:
             look: The colours.
         """
-        for line, colour in zip(self._lines, self._colours, strict=True):
-            for glyph in (line.glyph, line.nonselection_glyph, line.selection_glyph):
-                if glyph not in (None, "auto"):
-                    glyph.line_color = look.palette[colour]
         for plot in self._figures.values():
             paint(plot, look)
         self.cursors.paint(look)
@@ -197,11 +198,12 @@ class Plots:
         for trace, colour, dash, piece in zip(
             self.traces, self._colours, self._dashes, self._samples, strict=True
         ):
-            piece.text = sample(look.palette[colour], dash)
+            piece.text = sample(look.colour(colour), dash)
             rows += f"<tr><td>{piece.text} {escape(label_of(trace, self.traces))}</td></tr>"
         rows += "".join(
-            f"<tr><td>{sample(look.ink, 'solid')} {escape(band.label)}</td></tr>"
-            for band in self._bands
+            f"<tr><td>{sample(look.colour(colour), _dash_of(colour))} "
+            f"{escape(band.label)}</td></tr>"
+            for band, colour in zip(self._bands, self._band_colours, strict=True)
         )
         self.readout.text = f"<table>{rows}</table>{self._help}"
         self.readout.tags = [self.readout.text]
@@ -223,12 +225,18 @@ class Plots:
         """Fill the plots and connect them."""
         last = list(self._figures.values())[-1]
         last.xaxis.visible = True
-        for band in self._bands if "degC" in self._figures else ():
-            draw_band(self._figures["degC"], band)
-        for trace, dash, source in zip(self.traces, self._dashes, self._sources, strict=True):
-            plot = self._figures[trace.unit]
-            self._lines.append(plot.line("t", "v", source=source, line_dash=dash, line_width=1.5))
-        add_legends(self._figures, self.traces, self._lines, self._dashes)
+        if "degC" in self._figures:
+            for band, colour in zip(self._bands, self._band_colours, strict=True):
+                draw_band(self._figures["degC"], band, colour)
+        lines = [
+            self._figures[trace.unit].line(
+                "t", "v", source=source, line_dash=dash, line_width=1.5, tags=[colour]
+            )
+            for trace, colour, dash, source in zip(
+                self.traces, self._colours, self._dashes, self._sources, strict=True
+            )
+        ]
+        add_legends(self._figures, self.traces, lines, self._dashes)
         hover = CustomJS(
             args={
                 "lines": [
@@ -315,18 +323,25 @@ class Band:
     measured: np.ndarray
 
 
-def draw_band(plot: Any, band: Band) -> None:
+def draw_band(plot: Any, band: Band, colour: int) -> None:
     """Draw a band into the plot of temperatures.
 
     Args:
         plot: A figure.
         band: The band.
+        colour: Number of its colour.
     """
     source = ColumnDataSource(
         {"t": band.time_s, "v": band.median, "low": band.low, "high": band.high}, name="band"
     )
-    plot.varea("t", "low", "high", source=source, fill_alpha=0.18, tags=["ink"])
-    plot.line("t", "v", source=source, line_width=1.2, tags=["ink"])
+    plot.varea("t", "low", "high", source=source, fill_alpha=0.18, tags=[colour])
+    dash = _dash_of(colour)
+    plot.line("t", "v", source=source, line_width=1.2, line_dash=dash, tags=[colour])
+
+
+def _dash_of(colour: int) -> str:
+    """Return the dash of a predicted course, which has the colour of its test where it has one."""
+    return "solid" if colour == INK else "dotted"
 
 
 NAMES = ("A", "B")

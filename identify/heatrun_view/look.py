@@ -34,6 +34,13 @@ class Look:
     faint: str
     cursors: tuple[str, str]
 
+    def colour(self, number: int) -> str:
+        """Return a colour of the palette; that of the text for `INK`."""
+        return self.ink if number == INK else self.palette[number]
+
+
+INK = -1
+"""Number of the colour of what belongs to no signal."""
 
 LIGHT = Look(
     is_dark=False,
@@ -59,7 +66,7 @@ DARK = Look(
 )  # fmt: skip
 
 DASHES = ("solid", "dashed", "dotted", "dotdash", "dashdot")
-"""Dashes of the first, second, … of tests that are laid over each other."""
+"""Dashes of the first, second, … of signals in one plot, where colours tell tests apart."""
 
 FONT = "system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', sans-serif"
 
@@ -67,7 +74,8 @@ NARROW_PX = 1100
 """Width of the browser below which the readings go under the plots."""
 
 PHONE_PX = 700
-"""Width below which the choices go above everything, and tables scroll within themselves."""
+"""Width below which the choices go above everything, and tables scroll within themselves. All of
+the page scrolls as one: parts that do each for themselves would be cut."""
 
 
 def _either(light: str, dark: str) -> str:
@@ -106,18 +114,21 @@ def css() -> str:
       #main {{ padding: 4px 6px; }}
     }}
     @media (max-width: {PHONE_PX}px) {{
-      #content {{ flex-direction: column; }}
-      #sidebar {{ width: 100%; max-height: 40vh; flex: none; }}
+      #content {{ display: block; overflow-y: auto; }}
+      #sidebar {{ width: 100%; height: auto; overflow: visible; }}
       #sidebar {{ border-bottom: 2px solid var(--hr-faint); border-right: none; }}
       #sidebar.hidden {{ display: none; }}
-      #main {{ min-height: 0; width: 100%; }}
+      #sidebar-button {{ font-size: 10px; line-height: 1; white-space: nowrap; }}
+      #sidebar-button::after {{ content: "side panel"; }}
+      #main {{ height: auto; overflow: visible; width: 100%; }}
     }}
     """
 
 
 PART_CSS = f"""
     :host {{ {SCHEME} }}
-    select.bk-input:not([multiple]) {{ appearance: auto; background-image: none; }}
+    select.bk-input:not([multiple]) {{ appearance: auto; background-image: none;
+      padding-inline: 6px; text-overflow: ellipsis; }}
     .filepond--drop-label label {{ font-size: 13px; }}
 """
 """Style of each part of the page, to which the plain design gives colours for light alone."""
@@ -136,9 +147,10 @@ TABS_CSS = """
       background: var(--hr-paper); color: var(--hr-ink); border-color: var(--hr-faint);
       font-weight: 600;
     }
+    [style*="visibility: hidden"] { max-height: 0; overflow: hidden; }
 """
 """Style of the tabs, whose chosen one the plain design paints for light alone; in two rows where
-there is no room for one."""
+there is no room for one. What is not shown takes no room: the page is as long as what is."""
 
 PANE_CSS = (
     f"""
@@ -187,6 +199,8 @@ const tell = () => {
   browser.tags = [dark ? 1 : 0, window.innerWidth, window.innerHeight, chosen ? 1 : 0];
 };
 if (asked) root.dataset.theme = asked;
+// what a bookmark has chosen is shown, not chosen again
+if (window.innerWidth < phone && new URLSearchParams(location.search).has("test")) closeNav();
 let timer = null;
 query.addEventListener("change", tell);
 window.addEventListener("resize", () => { clearTimeout(timer); timer = setTimeout(tell, 200); });
@@ -282,7 +296,9 @@ def framed(
 
     browser.on_change("tags", told)
     if pn.state.curdoc is not None:
-        tell = CustomJS(args={"browser": browser, "asked": asked_theme()}, code=TELL)
+        tell = CustomJS(
+            args={"browser": browser, "asked": asked_theme(), "phone": PHONE_PX}, code=TELL
+        )
         pn.state.curdoc.js_on_event("document_ready", tell)
     places: Any = template
     places.header.append(switch)

@@ -1,7 +1,7 @@
 """One signal of a test, as much of it as a plot can show, and how plots draw and read it.
 
-A signal keeps its colour in every test and every selection. Data are in seconds, ticks in seconds,
-minutes or hours as the window suits.
+Of one test each signal has a colour of its own, which it keeps in every selection; of several each
+test has one. Data are in seconds, ticks in seconds, minutes or hours as the window suits.
 """
 
 from __future__ import annotations
@@ -27,8 +27,9 @@ from tsdownsample import MinMaxLTTBDownsampler
 
 from heatrun.io.quantities import printed_unit
 from heatrun.record.channels import CHANNEL, CHANNELS
+from heatrun_reports.bench_test_types import NOT_OF_THE_MACHINE
 
-from .look import DASHES, Look
+from .look import DASHES, INK, Look
 from .words import message
 
 GAP = 5.0
@@ -169,15 +170,18 @@ FIXED = _fixed() | {name: number for number, name in enumerate(FIT)}
 
 
 def colours(traces: Sequence[Trace], num_colours: int) -> list[int]:
-    """Return the number of each line's colour.
+    """Return the number of each line's colour: its test's where there are several.
 
-    A channel has its own; another column takes one by its name, or the next that is free in its
-    plot.
+    Of one test a channel has its own; another column takes one by its name, or the next that is
+    free in its plot.
 
     Args:
         traces: The lines.
         num_colours: Colours of the palette.
     """
+    tests = tests_of(traces)
+    if len(tests) > 1:
+        return [tests.index(trace.test) % num_colours for trace in traces]
     taken: dict[str, dict[str, int]] = {}
     for trace in traces:
         if trace.channel in FIXED:
@@ -192,11 +196,23 @@ def colours(traces: Sequence[Trace], num_colours: int) -> list[int]:
     return [taken[trace.unit][trace.channel] for trace in traces]
 
 
+def tests_of(traces: Sequence[Trace]) -> list[str]:
+    """Return the names of the tests, in order."""
+    return list(dict.fromkeys(trace.test for trace in traces))
+
+
 def dashes(traces: Sequence[Trace]) -> list[str]:
-    """Return the dash of each line: one for each test; a model shows what is measured below it."""
-    tests = list(dict.fromkeys(trace.test for trace in traces))
-    places = [tests.index(trace.test) + (trace.channel == MODEL) for trace in traces]
-    return [DASHES[place % len(DASHES)] for place in places]
+    """Return the dash of each line: its channel's in the plot where colours tell tests apart.
+
+    Of one test only a model is dashed: what is measured shows below it.
+    """
+    if len(tests_of(traces)) == 1:
+        return [DASHES[trace.channel == MODEL] for trace in traces]
+    held: dict[str, list[str]] = {}
+    for trace in sorted(traces, key=lambda trace: trace.channel in NOT_OF_THE_MACHINE):
+        if trace.channel not in held.setdefault(trace.unit, []):
+            held[trace.unit].append(trace.channel)
+    return [DASHES[held[each.unit].index(each.channel) % len(DASHES)] for each in traces]
 
 
 def sample(colour: str, dash: str) -> str:
@@ -215,46 +231,64 @@ def sample(colour: str, dash: str) -> str:
 
 PADDING: Any = 3  # px on all sides
 
-IN_ROW = 4
-"""Signals of a legend that stand beside each other."""
+IN_ROW, MARK_PX, CHARACTER_PX = 4, 40, 6
+"""Signals of a legend that stand beside each other at most; room for a mark and a letter [px]."""
+
+ROWS = """
+for (const [legend, px] of legends) {
+  const most = Math.min(legend.items.length, in_row, Math.floor(plot.inner_width / px));
+  legend.ncols = Math.max(1, most);
+}
+"""
+"""Puts as many signals beside each other as the plot is wide for."""
 
 
 def add_legends(
     figures: Mapping[str, Any], traces: Sequence[Trace], lines: Sequence[Any],
     dashes: Sequence[str],
 ) -> None:  # fmt: skip
-    """Put a legend into each plot: its signals by colour; in the first one the tests by dash.
+    """Put a legend above each plot: its signals; above the first one the tests by colour.
 
     Args:
         figures: Plots by unit.
         traces: The signals.
-        lines: The line of each.
+        lines: The line of each, its colour among the tags.
         dashes: The dash of each.
     """
+    colour = dict(zip((trace.test for trace in traces), (each.glyph.tags for each in lines),
+                      strict=True))  # fmt: skip
+
+    def marked(plot: Any, label: str, held: Sequence[Any], tags: Sequence[Any], dash: str) -> Any:
+        mark = plot.line([np.nan], [np.nan], line_dash=dash, line_width=2, tags=tags)
+        return LegendItem(label=label, renderers=[*held, mark])
+
     for unit, plot in figures.items():
-        held: dict[str, list[Any]] = {}
-        for trace, line in zip(traces, lines, strict=True):
+        held: dict[str, list[tuple[Any, str]]] = {}
+        for trace, line, dash in zip(traces, lines, dashes, strict=True):
             if trace.unit == unit:
-                held.setdefault(trace.name, []).append(line)
-        items = [LegendItem(label=name, renderers=drawn) for name, drawn in held.items()]
-        plot.add_layout(_legend(items, "top_left"))
-    tests = dict(zip((trace.test for trace in traces), dashes, strict=True))
-    if len(tests) > 1:
-        first = next(iter(figures.values()))
-        items = [
-            LegendItem(
-                label=test,
-                renderers=[
-                    first.line([np.nan], [np.nan], line_dash=dash, line_width=1.5, tags=["ink"])
-                ],
-            )
-            for test, dash in tests.items()
-        ]
-        first.add_layout(_legend(items, "bottom_right"))
+                held.setdefault(trace.name, []).append((line, dash))
+        legends = [
+            [
+                marked(plot, name, [line for line, _ in drawn],
+                       [INK] if len(colour) > 1 else drawn[0][0].glyph.tags, drawn[0][1])
+                for name, drawn in held.items()
+            ]
+        ]  # fmt: skip
+        if len(colour) > 1 and plot is next(iter(figures.values())):
+            legends.append([marked(plot, test, [], tags, "solid") for test, tags in colour.items()])
+        sized = [(_legend(items), _widest_px(items)) for items in legends]
+        for legend, _ in sized:
+            plot.add_layout(legend, "above")
+        fit = CustomJS(args={"plot": plot, "legends": sized, "in_row": IN_ROW}, code=ROWS)
+        plot.js_on_change("inner_width", fit)
+
+
+def _widest_px(items: Sequence[Any]) -> int:
+    return MARK_PX + CHARACTER_PX * max(len(str(item.label.value)) for item in items)
 
 
 def paint(plot: Any, look: Look) -> None:
-    """Paint all of a plot but its lines.
+    """Paint all of a plot; what has the number of a colour among its tags in that.
 
     Args:
         plot: A figure.
@@ -276,19 +310,20 @@ def paint(plot: Any, look: Look) -> None:
         legend.background_fill_color = look.paper
         legend.label_text_color = look.ink
     for renderer in plot.renderers:
-        if "ink" in renderer.glyph.tags:
-            for glyph in (renderer.glyph, renderer.nonselection_glyph, renderer.muted_glyph):
+        for number in renderer.glyph.tags:
+            colour = look.colour(number)
+            for glyph in (renderer.glyph, renderer.nonselection_glyph, renderer.selection_glyph,
+                          renderer.muted_glyph):  # fmt: skip
                 for attribute in ("line_color", "fill_color"):
                     if hasattr(glyph, attribute):
-                        setattr(glyph, attribute, look.ink)
+                        setattr(glyph, attribute, colour)
 
 
-def _legend(items: list[LegendItem], location: Any) -> Legend:
+def _legend(items: list[LegendItem]) -> Legend:
     return Legend(
-        items=items, location=location, ncols=min(len(items), IN_ROW), orientation="horizontal",
+        items=items, location="top_left", ncols=1, orientation="horizontal",
         label_text_font_size="11px", label_height=13, glyph_height=13, glyph_width=20,
-        padding=PADDING, spacing=8, margin=4, background_fill_alpha=0.75, border_line_alpha=0.0,
-        click_policy="hide",
+        padding=PADDING, spacing=8, margin=0, border_line_alpha=0.0, click_policy="hide",
     )  # fmt: skip
 
 

@@ -102,7 +102,7 @@ def test_calibrate_and_download_the_sheet_and_a_report(served, tab):
     _tab(tab, "Report")
     tab.get_by_label("Test type").select_option(label="Energy Consumption")
     _text(tab, "holds no electrical power, which this test type needs")
-    virtual = "Semi-real against Virtual Model Validation"
+    virtual = "Semi-real against Virtual Model"
     tab.get_by_label("Test type").select_option(label=virtual)
     _text(tab, "The bench beside a simulation")
     tab.get_by_role("button", name="Make report").click()  # the run of above is still selected
@@ -170,13 +170,19 @@ CUT = """() => { const cut = [], wide = document.documentElement.clientWidth;
 """What goes beyond the right edge; wide tables scroll, and a plot cuts its lines."""
 
 
+LENGTH = "() => document.querySelector('#main').scrollHeight"
+
+
 def test_nothing_is_cut_on_a_phone(served, phone):
     tab = phone
     _open(tab, served, "duty_30min.csv.gz")
     assert tab.evaluate("innerWidth") == 390
+    long = tab.evaluate(LENGTH)
     for name in ("Start", "Signals", "Checks", "Motor file", "By hand", "Calibration", "Report",
                  "Simulate and export"):  # fmt: skip
         _tab(tab, name)
+        if name == "Report":
+            assert tab.evaluate(LENGTH) < 0.8 * long  # what other tabs hold takes no room
         if name == "By hand":
             _text(tab, "RMSE")
         tab.wait_for_timeout(250)  # for what is still to come
@@ -185,8 +191,13 @@ def test_nothing_is_cut_on_a_phone(served, phone):
                 break
             tab.wait_for_timeout(100)
         assert cut == [], name
+    panel = tab.locator("#sidebar")
+    assert panel.evaluate("(e) => e.scrollHeight - e.clientHeight") == 0  # the page scrolls as one
     tab.locator("#sidebar-button").click()
-    tab.locator("#sidebar").wait_for(state="hidden")
+    panel.wait_for(state="hidden")
+    tab.reload()
+    tab.locator(".bk-Figure").first.wait_for()
+    panel.wait_for(state="hidden")  # what is chosen is shown
     assert tab.problems == []
 
 

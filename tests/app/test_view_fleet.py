@@ -122,6 +122,7 @@ def test_the_table_is_narrowed_down(tab):
     assert len(_names(page)) == NUM + 3
     page._which.value = ODD
     assert _names(page) == [f"M{ODD_ONE:03d}"]
+    assert page._grid.height < 100  # as high as its rows
     page._which.value = FOUND
     assert _names(page) == ["M002", f"M{NUM:03d}"]
     page._which.value = POOR
@@ -205,6 +206,7 @@ def test_a_fleet_in_a_browser(shown, tmp_path, served_class, warm, browser):
         page.set_default_timeout(120_000)
         problems: list[str] = []
         page.on("pageerror", lambda error: problems.append(str(error)))
+        page.on("console", lambda said: problems.append(said.text) if said.type == "warning" else 0)
         page.goto(server.url)
         page.wait_for_function("() => window.Bokeh?.documents[0]?.is_idle")
         page.locator(".bk-tab", has_text="Fleet").click()

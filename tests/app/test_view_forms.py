@@ -10,6 +10,7 @@ import pytest
 from heatrun.cli import _parser
 from heatrun.errors import InputError
 from heatrun_reports.job import check_use
+from heatrun_reports.prototypes import parse_roles
 from heatrun_view.store import Folder, RecordStore, UploadRoom
 from heatrun_view.tabs.page import Page
 from heatrun_view.tabs.sidebar import NO_RUN
@@ -104,6 +105,30 @@ def test_without_run_and_record_the_form_names_both(page, queue):
 def test_a_thermal_report_shows_the_selected_run(page, home):
     assert ordered(page, "thermal", run="cold").run == home / "runs/cold"
     assert ordered(page, "general").run is None
+
+
+def test_prototypes_are_named_after_their_records(page, queue, shared_folder):
+    page._sidebar.kind.value = "prototypes"
+    page.reporting._job.start.clicks += 1
+    assert queue.words == []
+    assert "two tests or more" in page.reporting._problem.object
+    names = ["duty_30min.csv.gz", "step_30min.csv.gz"]
+    page._sidebar.tests.value = names
+    page.reporting._job.start.clicks += 1
+    options = _parser().parse_args(queue.words)
+    roles = [f"{number} {name.split('.')[0]}" for number, name in enumerate(names, 1)]
+    files = [shared_folder / name for name in names]
+    assert parse_roles(map(str, options.tests)) == tuple(zip(roles, files, strict=True))
+
+
+def test_what_is_undefined_is_said_in_words(page):
+    report = {"test": "t", "summary": "s", "written": [], "findings": [], "table": [
+        {"label": "Energy", "value": None, "unit": "kWh", "note": "undefined: no power"},
+        {"label": "Span", "value": 1.5, "unit": "min", "note": ""}]}  # fmt: skip
+    said = page.reporting._one(report)[-1].object
+    assert "kWh" not in said
+    assert said.count("undefined") == 1
+    assert "min" in said
 
 
 def _press(page: Page, name: str) -> None:

@@ -111,6 +111,19 @@ def test_the_page_shows_the_answer_and_saves_it(tab, folder):
     assert not tab._figure.visible
 
 
+def test_the_page_asks_for_the_sink_of_the_machine_and_shows_what_its_file_says(tab, folder):
+    tab.offer("motor.toml", None)
+    fields = (tab._cold, tab._cold_at, tab._sink)
+    assert tab._sink.name == "Ambient [°C]"
+    assert [each.placeholder for each in fields] == ["", "25 (motor file)", "22 (motor file)"]
+    winding = "[winding]\nmeasured_resistance_ohm = 0.0124\nreference_temperature_degC = 20\n"
+    text = '[motor]\nname = "m"\nsink = "coolant"\n' + winding
+    (folder / "liquid.toml").write_text(text, encoding="utf-8")
+    tab.offer("liquid.toml", None)
+    assert tab._sink.name == "Coolant [°C]"
+    assert [each.placeholder for each in fields] == ["12.4 (motor file)", "20 (motor file)", ""]
+
+
 def test_nothing_is_worked_out_without_a_machine(tab):
     tab.offer(None, None)
     assert "Choose a motor file" in tab._said.object

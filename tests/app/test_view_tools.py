@@ -23,7 +23,7 @@ from heatrun_view.motor_text import (
 )
 from heatrun_view.store import Opened, Stamp
 from heatrun_view.tabs.signals import Cutting, shifts_of
-from heatrun_view.trace import Trace, colours, cursor_table, spoken, unit_of
+from heatrun_view.trace import Trace, colours, cursor_table, dashes, spoken, unit_of
 
 MOTOR = b"""# bench 3\r
 [motor]\r
@@ -177,7 +177,7 @@ def test_two_cursors_give_the_difference_of_every_signal():
     assert cursor_table(traces, None, None, 60.0) == ""
 
 
-def test_a_signal_has_its_colour_in_every_test_and_choice():
+def test_a_signal_has_its_colour_in_every_choice_and_of_several_tests_each_has_one():
     num = len(LIGHT.palette)
     assert len(DARK.palette) == num
     alone = colours([_trace("b", "magnet_degC")], num)
@@ -185,8 +185,15 @@ def test_a_signal_has_its_colour_in_every_test_and_choice():
     among = colours([_trace("a", name) for name in names], num)
     assert among[1] == alone[0]
     assert len(set(among)) == 4
-    both = colours([_trace(test, "winding_degC") for test in "ab"], num)
-    assert both[0] == both[1] == among[2]
+    both = [_trace(test, name) for name in (*names, "losses_W") for test in "ab"]
+    assert colours(both, num) == [0, 1] * 5
+    drawn = dict(zip([trace.channel for trace in both[::2]], dashes(both)[::2], strict=True))
+    assert drawn["losses_W"] == drawn["magnet_degC"] == "solid"  # which a fast signal needs
+    assert len({drawn[name] for name in names}) == 4
+    assert dashes(both)[::2] == dashes(both)[1::2]
+    first, _ = drawn_in = [*_plots(both)._figures.values()]
+    assert len(first.legend) == 2  # of tests and of signals, over no curve
+    assert all(legend in plot.above for plot in drawn_in for legend in plot.legend)
     others = [_trace("a", f"column {n}", "bar") for n in range(num)]
     assert len(set(colours(others, num))) == num
     assert colours([others[0]], num) == colours([_trace("z", "column 0", "bar")], num)
@@ -246,3 +253,4 @@ def test_two_prototypes_are_laid_on_one_clock():
     shifts, said = shifts_of([record("bench", 0.0), still])
     assert shifts == {}
     assert "one manoeuvre" in said
+    assert "--offset" not in said  # the page has no options

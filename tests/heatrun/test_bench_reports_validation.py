@@ -123,8 +123,10 @@ def test_records_that_cannot_be_compared_are_refused(other, offset_s, said):
 def test_a_manoeuvre_that_repeats_is_ambiguous_and_said():
     clock = np.arange(0.0, 1200.0)
     wave = Record("wave", {"time_s": clock, "dc_power_W": 1000.0 * np.sin(clock / 20.0)})
-    found = pair_records(wave, wave, MOTOR)
-    assert "offset_ambiguous" in {f.id for f in found.findings}
+    later = Record("later", {"time_s": clock, "dc_power_W": 1000.0 * np.sin((clock - 0.4) / 20.0)})
+    found = pair_records(wave, later, MOTOR)
+    (doubt,) = [each for each in found.findings if each.id == "offset_ambiguous"]
+    assert f"nearly as well as {found.offset.offset_s:+.1f} s" in doubt.message
 
 
 def drift(name: str, rng: np.random.Generator, noise_K: float) -> Record:

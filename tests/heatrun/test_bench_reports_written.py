@@ -13,15 +13,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typst
+from PIL import Image
 from pypdf import PdfReader
 
 from heatrun.cli import main
 from heatrun.io.whole_files import FileSet
 from heatrun.readers.joined import read_test, read_tests
 from heatrun.record.motor import Motor
+from heatrun.reports.pdf import lay_out
 from heatrun_reports import CARDS, TEST_TYPES, job, make_report
 from heatrun_reports.command import TYPES
-from heatrun_reports.document import neutral, number, printed, set_name
+from heatrun_reports.document import TEMPLATE, neutral, number, printed, set_name
 
 CAR = Motor("car", gear_ratio=9.1, wheel_radius_m=0.3)
 TEST = "Test_2022_12_07_001.csv"
@@ -315,6 +318,35 @@ def test_both_prototypes_from_the_command_line_with_names_longer_than_a_line(tmp
     assert name in text_of(pdf)
     assert "biased" in text_of(pdf)
     assert not any(name in line for line in lines)  # 180 characters do not fit into 176 mm
+
+
+def _table(num_lines: int) -> dict:
+    return {"title": "Signals", "head": ["", "mean"], "lines": [["a", "1"]] * num_lines,
+            "notes": ["a note"]}  # fmt: skip
+
+
+@pytest.mark.parametrize("heights", [[2.35] * 7, [2.95, 2.15, 5.8], [8.5], [3.45, 1.9, 2.3, 7.3]])
+@pytest.mark.parametrize("num_rows", [4, 18])
+def test_no_page_of_a_report_but_the_last_has_an_empty_stripe(heights, num_rows, tmp_path):
+    say = {"findings": "Findings", "definitions": "Definitions", "page": "page", "of": "of"}
+    content = {
+        "title": "T", "test": "a test", "version": "0", "labels": say, "summary": "All is well.",
+        "meta": [["Motor", "m"]] * 3, "heading": "Outcome",
+        "rows": [["a", "1", "K", ""]] * num_rows,
+        "findings": [["note", "a finding " * 30]] * 4, "tables": [_table(8), _table(6), _table(3)],
+        "captions": ["all over time"] * len(heights), "remark": "r",
+        "definitions": [["a", "what it is " * 20]] * 9,
+    }  # fmt: skip
+    figures = [tmp_path / f"{number}.png" for number in range(len(heights))]
+    for path, height in zip(figures, heights, strict=True):
+        Image.new("L", (720, round(100 * height)), 128).save(path)
+    lay_out(tmp_path, TEMPLATE, content, figures)
+    pages = typst.compile(tmp_path / TEMPLATE.name, root=tmp_path, format="png", ppi=25.4)
+    for page in pages[:-1]:  # of one point a millimetre
+        drawn = np.asarray(Image.open(io.BytesIO(page)).convert("L")).min(axis=1) < 250
+        inked = np.flatnonzero(drawn)
+        assert np.max(np.diff(inked)) <= 20 + 1
+        assert inked[0] <= 15 + 5
 
 
 @pytest.mark.usefixtures("unset")

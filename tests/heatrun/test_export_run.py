@@ -147,6 +147,10 @@ def test_a_correction_is_said_and_applied_on_demand(day, capsys):
     assert cli.main(["export", "run", "--to", "mat", "--out", "plain"]) == 0
     assert "power_gain = 0.1" in (said := capsys.readouterr().err)
     assert "--corrected" in said
+    assert cli.main(["export", "run", "--to", "mat", "--out", "plain", "--json", "--force"]) == 0
+    told = capsys.readouterr()
+    assert "power_gain = 0.1" in told.out  # once: a program that reads it shows it
+    assert "power_gain = 0.1" not in told.err
     assert cli.main(["export", "run", "--to", "mat", "--out", "corrected", "--corrected"]) == 0
     assert "--corrected" not in capsys.readouterr().err
     plain = read_variables(Path("plain/prova.mat").read_bytes())

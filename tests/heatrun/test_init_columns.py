@@ -407,6 +407,14 @@ def test_a_column_is_offered_where_unit_and_name_allow_it(surveys):
     assert "I_ph [degC]" not in found["winding_degC"].sides
 
 
+def test_a_column_that_is_read_already_is_not_proposed(tmp_path):
+    columns = {"time_s": TIME_S, "phase_current_A": CURRENT, "T_winding [degC]": WINDING}
+    (ambient,) = [each for each in choices([survey(named(tmp_path, columns))])
+                  if each.channel == "ambient_degC"]  # fmt: skip
+    assert not ambient.is_proposed
+    assert list(ambient.sides) == ["none", "T_winding [degC]"]
+
+
 def test_what_is_chosen_stands_in_the_draft(surveys):
     chosen = {"winding_degC": "Probe 8 [degC]", "losses_W": "none", "time_s": "time [s]"}
     text = draft("m", surveys, is_accepted=True, columns=chosen)

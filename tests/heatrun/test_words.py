@@ -474,7 +474,10 @@ def test_titles_labels_heads_and_captions_of_reports_are_in_the_table(kind, tmp_
     assert same <= {"", "RMSE"}
     say = Texts("it")
     for drawing in made.report.drawings:
-        again(drawing.draw(), say)
+        figure = again(drawing.draw(), say)
+        figure.draw_without_rendering()
+        for axes in figure.axes:
+            assert axes.yaxis.label.get_window_extent().x0 >= 0.0, axes.get_ylabel()
     assert say.unknown <= {*SYMBOLS}
     if kind == "general":
         text = "".join(page.extract_text() for page in PdfReader(made.pdf).pages)

@@ -119,7 +119,7 @@ def run(options: argparse.Namespace) -> int:
     for written in exports:
         for note in written["notes"]:
             say(note)
-        for finding in written["findings"]:
+        for finding in () if options.json else written["findings"]:  # which the JSON holds
             sentence = f"{finding.where}: {finding.message} {finding.remedy}"
             print(f"warning {printable(sentence)}", file=sys.stderr)
     if options.json:

@@ -73,8 +73,11 @@ def choices(surveys: Sequence[Survey]) -> tuple[Choice, ...]:
         likely = {p.line: column.shown() for column in free.values() for p in column.proposals
                   if p.channel == name and p.is_likely}  # fmt: skip
         if gap or read or likely:
-            sides = {**best, **read, **offered, **likely, **lines, **alike} | offered
+            sides = {**best, **read, **offered, **likely, **lines} | offered
             sides.pop("", None)
+            if alike and not sides:  # what is read as another channel may be that in error alone
+                sides = {NONE: "no other column"}
+            sides = sides | {side: held for side, held in alike.items() if side not in sides}
             found += [Choice(name, sides, bool(best or read))] if sides else []
     return tuple(found)
 

@@ -253,10 +253,20 @@ def again(figure: Figure, say: Texts) -> Figure:
         elif "\n" in text.get_text():
             said = fill(said, BESIDE_CHARACTERS)
         text.set_text(said)
+    lines = max((axes.get_ylabel().count("\n") + 1 for axes in figure.axes), default=1)
+    _move_right(figure, LINE_IN * max(0, lines - LEFT_LINES))
     for axis in (each for axes in figure.axes for each in (axes.xaxis, axes.yaxis)):
         if type(axis.get_major_formatter()) is ScalarFormatter:
             axis.set_major_formatter(Decimal(say))
     return figure
+
+
+def _move_right(figure: Figure, room_in: float) -> None:
+    """Leave more room [in] to the left of all panels; their right edges stay."""
+    shift = room_in / figure.get_size_inches()[0]
+    for axis in figure.axes if shift else ():
+        place = axis.get_position()
+        axis.set_position((place.x0 + shift, place.y0, place.width - shift, place.height))
 
 
 TICK_LABELS_IN = 0.46
@@ -305,8 +315,8 @@ def _fix_labels(figure: Figure, below: float) -> None:
         axis.xaxis.set_label_coords(0.5, -below / (height * axis.get_position().height))
 
 
-LEFT_IN = 0.8
-"""Room for numbers and a label of two lines to the left [in]."""
+LEFT_IN, LEFT_LINES, LINE_IN = 0.8, 2, 0.14
+"""Room for numbers and a label of so many lines to the left, and that of one line more [in]."""
 
 
 def plain(name: str) -> str:

@@ -321,7 +321,7 @@ def find_offset(test: Record, reference: Record, channels: Sequence[str]) -> Off
         sd_s=sd_s,
         correlation=found,
         method=f"shared signals: {', '.join(found)}",
-        findings=tuple(_doubts(where, test.name, sd_s, offsets_s, scores)),
+        findings=tuple(_doubts(where, test.name, offset_s, sd_s, offsets_s, scores)),
     )
 
 
@@ -355,7 +355,12 @@ def _even(record: Record, channel: str, grid_s: float) -> np.ndarray:
 
 
 def _doubts(
-    where: str, test: str, sd_s: float, offsets_s: np.ndarray, scores: np.ndarray
+    where: str,
+    test: str,
+    offset_s: float,
+    sd_s: float,
+    offsets_s: np.ndarray,
+    scores: np.ndarray,
 ) -> Iterator[Finding]:
     """Warn of another offset, apart from the best, that fits nearly as well, and of a wide one."""
     best = int(np.argmax(scores))
@@ -369,7 +374,7 @@ def _doubts(
             "offset_ambiguous",
             "warning",
             f"Expected one offset; {offsets_s[rival]:+.1f} s fits nearly as well as "
-            f"{offsets_s[best]:+.1f} s: the manoeuvre repeats.",
+            f"{offset_s:+.1f} s: the manoeuvre repeats.",
             where,
             "Give --offset SECONDS if you know it.",
             test,

@@ -39,6 +39,9 @@ NO_PYARROW = "A fleet is read with pyarrow, which is not installed: install heat
 
 ROW_PX, TABLE_PX, LANE_PX = 28, 480, 5
 
+ENDS_PX = 44
+"""Heads of the columns, and the bar that moves them [px]."""
+
 EVERY = "all types"
 ALL, ODD, POOR, FOUND = "all machines", "not fitting their type", "not fitted", "with warnings"
 
@@ -93,7 +96,7 @@ class FleetTab:
         self._text = pn.widgets.TextInput(name="Name or covariate holds", width=180)
         self._said, self._details = text_pane(), text_pane()
         self._button = pn.widgets.Button(name="Show its tests", width=140, visible=False)
-        self._source, self._filter = ColumnDataSource(data={}), IndexFilter(indices=[])
+        self._grid = self._table()
         self._place = pn.Column(sizing_mode="stretch_width")
         self.view = pn.Column(
             self._said,
@@ -154,8 +157,9 @@ class FleetTab:
         self._type.options = {EVERY: EVERY, **{kind or "(none)": kind for kind in kinds}}
         self._type.value = chosen if chosen in kinds else EVERY
         self._said.object = f"<p>{escape(headline(self._rows, self._sisters, fleet.is_whole))}</p>"
+        self._grid = self._table()
         self._place[:] = [
-            pn.pane.Bokeh(self._table(), sizing_mode="stretch_width", stylesheets=[TABLE_CSS])
+            pn.pane.Bokeh(self._grid, sizing_mode="stretch_width", stylesheets=[TABLE_CSS])
         ]
         self._fill()
 
@@ -181,6 +185,7 @@ class FleetTab:
         with in_order():
             self._source.selected.indices = []
             self._filter.indices = places
+            self._grid.height = min(self._row_px * len(places) + ENDS_PX, TABLE_PX)
             self._choose()
 
     def _table(self) -> DataTable:
@@ -201,7 +206,7 @@ class FleetTab:
         ]  # fmt: skip
         if self._sisters:
             asked.insert(4, ("outlier", "P(outlier)", number, 90))
-        lanes = len(names) * LANE_PX + 6
+        self._row_px = max(ROW_PX, len(names) * LANE_PX + 6)
         return DataTable(
             source=self._source,
             view=CDSView(filter=self._filter),
@@ -213,9 +218,10 @@ class FleetTab:
             index_position=None,
             sizing_mode="stretch_width",
             height=TABLE_PX,
-            row_height=max(ROW_PX, lanes),
+            row_height=self._row_px,
             fit_columns=False,
             selectable=True,
+            reorderable=False,  # it would take jQuery UI
         )  # fmt: skip
 
     def _choose(self) -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 import panel as pn
 
 from heatrun.errors import InputError
-from heatrun_reports import TEST_TYPES, Kind
+from heatrun_reports import CARDS, Kind
 
 from ..background import LateTabs, in_background, without_event
 from ..look import Screen, asked_theme, framed, text_pane
@@ -298,7 +298,7 @@ class Page:
 
     def _choose_channels(self) -> None:
         """Offer the signals of the tests, and say what they lack for the test type."""
-        card = TEST_TYPES[self.kind]
+        card = CARDS[self.kind]
         missing = [
             f"{each.record.name} holds no {need.meaning}, which this test type needs."
             for each in self.opened

@@ -10,7 +10,7 @@ from urllib.parse import urlencode
 import panel as pn
 
 from heatrun.record.channels import CHANNELS
-from heatrun_reports import TEST_TYPES
+from heatrun_reports import CARDS
 
 from ..look import NAMES_CSS, asked, text_pane
 from ..store import Opened
@@ -40,7 +40,7 @@ class Sidebar:
         self.motor = pn.widgets.Select(name="Motor file", sizing_mode=WIDE)
         self.kind = pn.widgets.Select(
             name="Test type",
-            options={card.title: kind for kind, card in TEST_TYPES.items()},
+            options={card.title.removesuffix(" Validation"): kind for kind, card in CARDS.items()},
             sizing_mode=WIDE,
         )
         self.tests, self.simulated, self.channels, self.others = (
@@ -132,7 +132,7 @@ class Sidebar:
         """
         held = [c.name for c in CHANNELS if c.name != "time_s"
                 and any(c.name in each.record for each in opened)]  # fmt: skip
-        card = TEST_TYPES[self.kind.value]  # pyright: ignore[reportArgumentType]
+        card = CARDS[self.kind.value]  # pyright: ignore[reportArgumentType]
         wanted = [name for name in held if name in card.channels] or held
         self.channels.options = held
         others = list(dict.fromkeys(name for each in opened for name in each.record.unused))

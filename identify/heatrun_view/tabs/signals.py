@@ -257,6 +257,8 @@ class Aligning:
 def shifts_of(records: Sequence[Record]) -> tuple[dict[str, float], str]:
     """Return what is added to the times of each test [s], and what is to be said of it as HTML.
 
+    What a command advises is left out: its options are not on the page.
+
     Args:
         records: The first keeps its clock.
     """
@@ -268,14 +270,14 @@ def shifts_of(records: Sequence[Record]) -> tuple[dict[str, float], str]:
         try:
             found = find_offset(first, other, channels)
         except InputError as error:
-            said.append(error_message(error))
+            said.append(error_message(InputError(error.problem, where=error.where)))
             continue
         shifts[other.name] = found.offset_s
         said.append(
             f"<p><b>{escape(other.name)}</b> {found.offset_s:+.2f} s ± {found.sd_s:.2f} s on the "
             f"clock of {escape(first.name)} ({escape(found.method)})</p>"
         )
-        said += [f"<p class='warning'>{escape(each.sentence())}</p>" for each in found.findings]
+        said += [message("warning", each.message) for each in found.findings]
     return shifts, "".join(said)
 
 

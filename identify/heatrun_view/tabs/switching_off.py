@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -69,6 +70,17 @@ class Typed:
         # the columns are those of this page, not of a logger
         return replace(motor, columns={}, tests={}, **stated)
 
+    def known(self, motor: Motor) -> dict[str, str]:
+        """Return what counts where nothing is typed, by field, as far as the machine has it."""
+        stated, phase = motor.measured_resistance_ohm, motor.phase_resistance_ohm
+        ohm, of = (phase, " a phase") if stated is None else (stated, "")
+        sink = motor.constants.get(f"{motor.sink}_degC")
+        found = {"cold_at": motor.reference_temperature_degC, "sink": sink}
+        if self.head in OHMS and ohm is not None:
+            found["cold"] = ohm / OHMS[self.head]
+        return {key: f"{value:.6g}{of if key == 'cold' else ''} (motor file)"
+                for key, value in found.items() if value is not None}  # fmt: skip
+
     def table(self) -> str:
         """Return the readings as a file holds them."""
         rows = [_row(line, place) for place, line in enumerate(self.readings.splitlines(), 1)
@@ -99,7 +111,7 @@ class SwitchingOff:
         self._head = pn.widgets.Select(name="Reading", options=HEADS, width=300)
         self._cold = text(name="Cold resistance, same circuit and unit", width=300)
         self._cold_at = text(name="at [°C]", width=140)
-        self._sink = text(name="Coolant [°C]", width=140)
+        self._sink = text(width=140)
         self._with_run = pn.widgets.Checkbox(name="", visible=False)
         self._name = text(name="Name of the folder", value="switch_off", width=200)
         self._save = pn.widgets.Button(name="Save", width=90, align="end", disabled=True)
@@ -107,12 +119,14 @@ class SwitchingOff:
         self._said, self._saved = text_pane(), text_pane()
         self._figure = pn.pane.PNG(None, sizing_mode="scale_width", max_width=760, visible=False)
         self._now: dict[str, str] = {}
-        for key, field in (("readings", self._readings), ("cold", self._cold),
-                           ("cold_at", self._cold_at), ("sink", self._sink)):  # fmt: skip
+        self._fields = {"readings": self._readings, "cold": self._cold,
+                        "cold_at": self._cold_at, "sink": self._sink}  # fmt: skip
+        for key, field in self._fields.items():
             for name in ("value", "value_input"):  # the second while something is typed
                 field.param.watch(partial(self._take, key), name)
         for choice in (self._head, self._with_run):
             choice.param.watch(lambda _: self._soon(self._ask), "value")
+        self._head.param.watch(lambda _: self._say_known(), "value")
         asked = pn.Column(
             self._head, self._readings, self._cold, pn.FlexBox(self._cold_at, self._sink),
             self._with_run, pn.FlexBox(self._name, self._save), self._saved, width=320,
@@ -130,7 +144,20 @@ class SwitchingOff:
         self._motor, self._run = motor, run
         self._with_run.visible = run is not None
         self._with_run.name = "" if run is None else f"Time constants of run {run.path.name}"
+        self._say_known()
         self._ask()
+
+    def _say_known(self) -> None:
+        """Ask for what the machine cools to, and show what counts where nothing is typed."""
+        known, sink = {"readings": EXAMPLE}, Motor("").sink
+        with suppress(InputError):  # said where the readings are worked out
+            if self._motor is not None:
+                motor = self._reader.motor(self._motor)
+                sink = motor.sink
+                known |= Typed(head=str(self._head.value)).known(motor)
+        self._sink.name = f"{sink.capitalize()} [°C]"
+        for key, field in self._fields.items():
+            field.placeholder = known.get(key, "")
 
     def _take(self, key: str, event: Any) -> None:
         if self._now.get(key, "") != (event.new or ""):

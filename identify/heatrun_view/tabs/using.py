@@ -11,7 +11,8 @@ import panel as pn
 
 from heatrun.errors import InputError, of_file
 from heatrun.io.whole_files import free_name
-from heatrun_reports import TEST_TYPES
+from heatrun_reports import CARDS
+from heatrun_reports.prototypes import LONGEST_ROLE
 
 from ..look import text_pane
 from ..running_jobs import Job, JobQueue
@@ -45,7 +46,7 @@ class Using:
             self._words_to_simulate,
             self._show_simulated,
         )
-        self._tests = pn.widgets.Select(name="What is exported", options=[OWN, CHOSEN], width=260)
+        self._tests = pn.widgets.Select(name="What is exported", options=[OWN, CHOSEN], width=300)
         self._motor = pn.widgets.Select(
             name="Columns and machine from", options=[OF_RUN, OF_PAGE], width=260, visible=False
         )
@@ -211,7 +212,7 @@ class Reporting:
 
     def say_missing(self, missing: Sequence[str]) -> None:
         """Show what the chosen test type answers, and what the chosen tests lack for it."""
-        card = TEST_TYPES[self._page.kind]
+        card = CARDS[self._page.kind]
         self._pair.visible = card.needs_reference
         self.offer_references()
         lacks = "".join(message("warning", each) for each in missing)
@@ -251,13 +252,27 @@ class Reporting:
             raise InputError("Expected a motor file.", remedy="Choose one in the side panel.")
         if not page.chosen:
             raise InputError("Expected a test.", remedy="Choose tests in the side panel.")
-        card = TEST_TYPES[page.kind]
+        card = CARDS[page.kind]
         words = ["report", "--type", page.kind, str(page.motor_path)]
-        words += [str(page.path(name)) for name in page.chosen]
+        words += self._tests()
         words += ["--out", str(page.out.parent / "reports")]
         if card.needs_reference:
             words += [f"--tolerance={each}" for each in str(self._tolerances.value).split()]
         return words + self._compared()
+
+    def _tests(self) -> list[str]:
+        """Return the paths of the tests; of prototypes each with a role, which says of a model."""
+        page = self._page
+        if page.kind != "prototypes":
+            return [str(page.path(name)) for name in page.chosen]
+        if len(page.chosen) < 2:
+            raise InputError("Expected two tests or more.", remedy="Choose them in the side panel.")
+        named = []
+        for number, name in enumerate(page.chosen, 1):
+            stem = Path(name).name.split(".")[0].replace("=", " ")
+            role = f"{'virtual ' if name in page.simulated else ''}{number} {stem}"
+            named.append(f"{role[:LONGEST_ROLE]}={page.path(name)}")
+        return named
 
     def _compared(self) -> list[str]:
         """Return the option that names the other prototype's record, or the run.
@@ -266,7 +281,7 @@ class Reporting:
         for the plots only; the command takes one of the two.
         """
         page, run = self._page, self._run()
-        card = TEST_TYPES[page.kind]
+        card = CARDS[page.kind]
         if card.needs_reference and self._reference.value in self._records:
             return ["--reference", str(page.path(str(self._reference.value)))]
         if run is not None:
@@ -300,8 +315,8 @@ class Reporting:
             download(path, root, width=380) for path in files if path.suffix in (".pdf", ".csv")
         ]
         rows = [
-            (row["label"], "undefined" if row["value"] is None else row["value"], row["unit"],
-             row["note"])
+            (row["label"], row["value"], row["unit"], row["note"]) if row["value"] is not None
+            else (row["label"], "", "", row["note"] or "undefined")
             for row in report["table"]
         ]  # fmt: skip
         told = "".join(
