@@ -332,9 +332,7 @@ def _constants(missing: Sequence[Gap], mark: str) -> list[str]:
             lines.append(_blank(gap.channel, gap.number))
         if gap.constants and not gap.best and not mark:
             lines[-len(gap.constants[:MOST_OPEN])] = _accepted(gap.constants[0])
-    if not any(line.lstrip("# ").startswith("ambient_degC") for line in lines):
-        lines.append("# ambient_degC = 22.0")
-    return lines
+    return lines or ["# CHANNEL = NUMBER, of what was not recorded because it does not change"]
 
 
 def _accepted(line: str) -> str:
