@@ -9,7 +9,7 @@ LATEST ?= $(firstword $(foreach v,3.14 3.13 3.12,$(shell python$(v) -c 'import s
   study audit house docs notebooks notebooks-rendered lock clean
 
 demo: $(VENV)/ready
-	$(BIN)/heatrun demo
+	$(BIN)/heatrun demo --quick
 
 # One thread for the linear algebra of NumPy, as the commands have it, before pytest loads it.
 test quick test-slow: export OPENBLAS_NUM_THREADS = 1
