@@ -404,6 +404,19 @@ def test_a_load_of_another_clock_is_moved_over_what_both_cover(lab):
         read_test(lab / "drive.csv", machine("[tests.drive]\nload_offset = 1e6\n"))
 
 
+def test_a_stated_offset_joins_two_loggers_in_place_of_the_estimate(lab):
+    table = pd.read_csv(lab / "drive.csv")
+    of_load = [name for name in ("losses_W", "phase_current_A") if name in table]
+    table.drop(columns=of_load).to_csv(lab / "temps.csv", index=False)
+    load = table.loc[table["time_s"] >= 7.0, ["time_s", *of_load]]  # counted from its first sample
+    load.to_csv(lab / "load.csv", index=False)
+    motor = machine("[tests.temps]\nload_offset = 7.0\n")
+    record = read_test(f"{lab}/temps.csv+{lab}/load.csv", motor)
+    assert any("7.00 s" in note and "given" in note for note in record.notes)
+    same = np.interp(record.time_s, table["time_s"], table["losses_W"])
+    assert np.mean(np.abs(record["losses_W"] - same) < 1.0) > 0.99
+
+
 @pytest.mark.parametrize("window", ["[[9000, 9100]]", "[[0, 3600]]"])
 def test_a_bridge_needs_samples_inside_and_outside(lab, window):
     with pytest.raises(InputError, match="bridge"):

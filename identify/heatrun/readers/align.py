@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
+from ..io.toml_text import table_header
 from ..record.channels import CHANNEL
 from ..record.raster import means_around
 from ..record.record import Finding, Record
@@ -208,7 +209,9 @@ def find_alignment(
             f"{heats.start_s:.1f} to {heats.end_s:.1f} s, which leaves "
             f"{response.middle_s.size} usable blocks.",
             where=f"{temperature_record.name}, {drive_record.name}",
-            remedy="Check that both belong to one test; give the offset or a smaller max_offset_s.",
+            remedy="Check that both belong to one test; or state the offset: "
+            f"{table_header('tests', temperature_record.name)} load_offset = SECONDS in the motor "
+            "file.",
         )
     found = offset_of_response(response, max_offset_s)
     profile = found.profile
@@ -282,7 +285,8 @@ def _findings(
                 severity,
                 f"Expected a clock offset known to {MAX_SD_S:.0f} s; {doubt}.",
                 where,
-                "Give the offset, or record a step of the load in both logs.",
+                f"State it: {table_header('tests', name)} load_offset = SECONDS in the motor file. "
+                "Or record a step of the load in both logs.",
                 name,
                 values,
             )
