@@ -12,7 +12,7 @@ import pytest
 from drafted import BEARING, CURRENT, HOUSING, LOSSES, ROOM, TIME_S, WINDING, named, text_of
 
 from heatrun import cli
-from heatrun.checks import mended
+from heatrun.checks import check_record, mended
 from heatrun.errors import InputError
 from heatrun.fit.fit import fit
 from heatrun.fit.restricted import estimate_loggers
@@ -200,6 +200,16 @@ def test_a_sensor_that_departs_from_the_others_is_told(tmp_path):
     assert "column 'T_W' is" in finding.message
     expected = np.quantile(0.5 * RISE_K, 0.95)  # U is the one in the middle
     assert finding.values["apart_K"] == pytest.approx(expected, rel=1e-3)
+    assert 'winding_degC = "mean(T_U, T_V)" under [columns]' in finding.remedy
+
+
+def test_one_sensor_of_three_that_comes_off_is_told_and_nothing_beside(tmp_path):
+    off = np.where(np.arange(RISE_K.size) > RISE_K.size // 2, 20.0, U)
+    record = read(tmp_path, {"T_U": U, "T_V": V, "T_W": off},
+                  'winding_degC = "mean(T_U, T_V, T_W) [degC]"')  # fmt: skip
+    found = [one for one in check_record(record, Motor("M")) if one.severity != "note"]
+    told = [one for one in found if "winding_degC" in one.where]
+    assert [(one.id, one.severity) for one in told] == [("sensors_differ", "error")]
 
 
 @pytest.mark.parametrize(

@@ -344,6 +344,8 @@ APART_K, APART_SHARE = 5.0, 0.2
 """A sensor this far from the median of the others, and by this share of their rise [1], is loose or
 elsewhere: phases of one winding differ by a few kelvin."""
 
+OFF_SHARE = 0.5
+"""And by this one it is off, and what is made of all of them shows no winding."""
 
 FLOWS = 0.2
 """In parts of the largest current [1]: below, offsets of the clamps decide."""
@@ -453,14 +455,17 @@ def sensors_differ(
         return None
     pair = "the two columns are" if len(names) == 2 else f"column '{names[worst]}' is"
     distance = float(2.0 * apart[worst] if len(names) == 2 else apart[worst])
+    rest = [name for name in names if name != names[worst]]
+    line = f"mean({', '.join(rest)})" if len(rest) > 1 else "COLUMN"
     return Finding(
         "sensors_differ",
-        "warning",
+        "error" if apart[worst] > OFF_SHARE * rise else "warning",
         f"Expected sensors of one winding or body to agree within {APART_K:g} K or "
         f"{100 * APART_SHARE:.0f} % of the rise; {pair} {distance:.1f} K apart"
         f"{'' if len(names) == 2 else ' from the others'}, with a rise of {rise:.0f} K.",
         f"{where}, {channel}",
-        "Check where it sits and whether it is loose; leave it out of [columns] if so.",
+        f'Check where it sits and whether it is loose. To do without it: {channel} = "{line}" '
+        "under [columns].",
         values={"apart_K": distance, "rise_K": rise},
     )
 
