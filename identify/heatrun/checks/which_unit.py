@@ -42,15 +42,20 @@ RESISTANCES = (
 """What is mistaken with the resistance, with the factor to the right one and the prior odds [1]: a
 meter has two leads, and the name of the key carries its unit."""
 
-CLAMPS = (
-    (0.5, 1e-3, "the clamp reads twice the current, by two turns through it or by its setting"),
-    (
-        2.0,
-        1e-3,
-        "the clamp reads half the current, by its setting or on one of two cables",
-    ),
-)
-"""What is mistaken with a clamp, likewise."""
+SCALES = (
+    ("phase_current_A", 0.5, 1e-3,
+     "the clamp reads twice the current, by two turns through it or by its setting",
+     "scale the column of the current in the file"),
+    ("phase_current_A", 2.0, 1e-3,
+     "the clamp reads half the current, by its setting or on one of two cables",
+     "scale the column of the current in the file"),
+    ("torque_Nm", 0.95, 0.02, "the torque reads 5 % too much",
+     "calibrate the torque sensor, or write [parameters.shaft_power_gain] sd = 0.05"),
+    ("torque_Nm", 0.9, 0.005, "the torque reads 10 % too much",
+     "calibrate the torque sensor, or write [parameters.shaft_power_gain] sd = 0.1"),
+)  # fmt: skip
+"""What is mistaken with an instrument: its channel, the factor to the right reading and the prior
+odds [1], and what to do."""
 
 OTHER_COOLING = 0.001
 """Prior odds [1] that a liquid cools a machine whose record has the temperature of the air."""
@@ -103,6 +108,7 @@ class OtherReading:
         readings: How the columns were read; empty where that is not known.
         sentence: What is supposed of the motor file, or of the instrument.
         of: What the factor is one of, where no unit is another one.
+        remedy: What to do about it then.
     """
 
     units: Mapping[str, str]
@@ -113,6 +119,7 @@ class OtherReading:
     readings: tuple[ColumnReading, ...] = ()
     sentence: str = ""
     of: str = "phase_resistance_ohm"
+    remedy: str = "correct phase_resistance_ohm in [winding]"
 
     @property
     def name(self) -> str:
@@ -160,12 +167,10 @@ def other_readings(record: Record, motor: Motor) -> Iterator[OtherReading]:
         for factor, prior, sentence in RESISTANCES:
             right = replace(motor, phase_resistance_ohm=factor * motor.phase_resistance_ohm)
             yield OtherReading({}, factor, prior, record, right, sentence=sentence)
-    for factor, prior, sentence in (
-        CLAMPS if "phase_current_A" in like.get("phase current", ()) else ()
-    ):
-        scaled = factor * np.asarray(record["phase_current_A"], dtype=float)
-        right = replace(record, channels={**record.channels, "phase_current_A": scaled})
-        yield OtherReading({}, factor, prior, right, motor, (), sentence, "phase_current_A")
+    for name, factor, prior, sentence, remedy in SCALES:
+        if name in present:
+            right = _scaled(record, motor, (name,), factor)
+            yield OtherReading({}, factor, prior, right, motor, (), sentence, name, remedy)
 
 
 def _otherwise(
@@ -173,23 +178,29 @@ def _otherwise(
 ) -> OtherReading:
     """The record with columns in other units, and what was derived from them anew."""
     read = {one.channel: one for one in record.mapping}
-    channels = dict(record.channels)
-    for name in units:
-        channels[name] = factor * np.asarray(channels[name], dtype=float)
-    if read:
-        for name in formulas(channels, read.keys() | constants_of(record.notes)):
-            del channels[name]
-        channels, _ = derive(channels, phases=motor.phases, losses=motor.losses)
     readings = tuple(read[name] for name in units if name in read)
     prior = max((OTHER_UNIT[one.unit_from] for one in readings), default=OTHER_UNIT["name"])
     return OtherReading(
         {name: unit.symbol for name, unit in units.items()},
         factor,
         prior / num_others * (GROUP if len(units) > 1 else 1.0),
-        replace(record, channels=channels, findings=()),
+        _scaled(record, motor, tuple(units), factor),
         motor,
         readings,
     )
+
+
+def _scaled(record: Record, motor: Motor, names: Sequence[str], factor: float) -> Record:
+    """Return the record with some columns times a factor, and what was derived from them anew."""
+    read = {one.channel for one in record.mapping}
+    channels = dict(record.channels)
+    for name in names:
+        channels[name] = factor * np.asarray(channels[name], dtype=float)
+    if read:
+        for name in formulas(channels, read | constants_of(record.notes)):
+            del channels[name]
+        channels, _ = derive(channels, phases=motor.phases, losses=motor.losses)
+    return replace(record, channels=channels, findings=())
 
 
 def _posterior(
@@ -353,10 +364,8 @@ def _remedy(named: Sequence[OtherReading], record: Record, left: str) -> str:
             words.append("check the sampling rate")
         elif lines:
             words.append(f"write {lines} into [columns]")
-        elif one.of == "phase_current_A":
-            words.append("scale the column of the current in the file")
         else:
-            words.append("correct phase_resistance_ohm in [winding]")
+            words.append(one.remedy)
     steps = np.diff(record.time_s)
     is_count = steps.size > 0 and np.all(steps == np.round(steps)) and np.ptp(steps) == 0.0
     if is_count and any("time_s" in one.units for one in named):
