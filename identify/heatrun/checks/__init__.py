@@ -289,8 +289,9 @@ def _without_open(record: Record, channel: str) -> Record:
     if channel in BODIES:
         return replace(record, channels=rest)
     known = np.isfinite(record[channel]) & ~within(record.time_s, spans)
-    if known.any():
-        rest[channel] = np.interp(record.time_s, record.time_s[known], record[channel][known])
+    if not known.any():
+        return record
+    rest[channel] = np.interp(record.time_s, record.time_s[known], record[channel][known])
     return replace(record, channels=rest)
 
 

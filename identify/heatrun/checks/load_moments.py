@@ -54,6 +54,9 @@ PROBES, PROMISING, PART = 3, 0.9, 0.1
 """The first of them, and the misfit over that with the load as it is up to which one of these asks
 for the others [1]; and the largest, in parts of the record [1]."""
 
+LEAST_K, LEAST_SHARE = 0.2, 0.002
+"""Misfit of a simple network [K], and in parts of the swing [1], that is worth a question."""
+
 FOLLOWED = 0.03
 """Misfit in parts of the swing [1] beyond which a simple network does not follow the winding, and
 all are tried."""
@@ -82,7 +85,10 @@ def load_late(record: Record, motor: Motor) -> Iterator[Finding]:
     offsets = [late_s for late_s in LATE_S if late_s < PART * record.duration_s]
     if not (offsets and swing_K):
         return
-    tried = {late_s: misfit_K(late_s) for late_s in (0.0, *offsets[:PROBES])}
+    tried = {0.0: misfit_K(0.0)}
+    if tried[0.0] < max(LEAST_K, LEAST_SHARE * swing_K):
+        return
+    tried |= {late_s: misfit_K(late_s) for late_s in offsets[:PROBES]}
     if PROMISING * tried[0.0] < min(tried.values()) and tried[0.0] < FOLLOWED * swing_K:
         return
     tried |= {late_s: misfit_K(late_s) for late_s in offsets[PROBES:]}
