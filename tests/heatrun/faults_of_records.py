@@ -404,6 +404,9 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
     "ambient open for a while": (
         "sensor_detached", edited(CLEAN, "ambient_degC", 1000.0, 1100.0, 850.0), MOTOR, "error"
     ),
+    "ambient that reads nothing": (
+        "sensor_detached", changed(CLEAN, ambient_degC=0.0 * TIME), MOTOR, "error"
+    ),
     "winding that reads nothing": (
         "sensor_detached", edited(CLEAN, "winding_degC", 1000.0, 1000.5, 0.0), MOTOR, "error"
     ),

@@ -47,6 +47,9 @@ CODE_TOLERANCE_K = 0.5
 NOTHING = 0.0
 """What a lost signal reads [degC]; a test may begin at it."""
 
+FROSTY_DEGC = 5.0
+"""A winding that is colder shows that what reads 0 degC throughout may be that cold."""
+
 CODE_LEAP_K = 20.0
 """A value that equals a code is one only where the reading leaps to it or away from it: a winding
 may pass 255 degC, and a climate chamber may stand at -40."""
@@ -214,9 +217,8 @@ def _left_out(record: Record, channel: str, *spans: tuple[float, float]) -> tupl
         return (f"{without}.",)
     time_s, reading = samples(record, channel)
     known = reading[~within(time_s, spans)]
-    if not known.size:
-        return ()
-    return (f"{without} and {channel} = {np.median(known):.1f} under [constants].",)
+    number = f"{np.median(known):.1f}" if known.size else "NUMBER"
+    return (f"{without} and {channel} = {number} under [constants].",)
 
 
 def _without_jump(record: Record, channel: str, at_s: float, is_lasting: bool) -> tuple[Part, ...]:
@@ -252,6 +254,11 @@ def open_spans(record: Record, channel: str) -> list[tuple[float, float]]:
     time_s, reading = samples(record, channel)
     if time_s.size < 3 or _looks_like_kelvin(reading):
         return []
+    is_column = not record.mapping or channel in {one.channel for one in record.mapping}
+    if np.all(reading == NOTHING) and channel != "winding_degC" and is_column:
+        winding = samples(record, "winding_degC")[1]
+        is_cold = winding.size and np.min(winding) < FROSTY_DEGC
+        return [] if is_cold else [(float(time_s[0]), float(time_s[-1]))]
     return windows(time_s, _open_circuit(reading))
 
 
