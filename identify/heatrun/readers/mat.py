@@ -20,7 +20,7 @@ from ..errors import InputError
 from ..io.open_file import LARGEST_NUMBERS
 from ..record.header import split_name
 from ..record.record import Finding
-from ..record.table import Table
+from ..record.table import Table, on_all_times
 from .foreign import BrokenFileError, reading
 from .mat5 import DEEPEST, Text, Value, read_variables
 from .stored import Stored, as_stated, wanted
@@ -378,18 +378,19 @@ def _joined(
     groups: Sequence[Group], found: Sequence[Leaf], reader: str, where: str, *, is_grouped: bool
 ) -> Table:
     """Return a table on the times of all groups, whose columns are empty at those of others."""
-    moments = np.unique(np.concatenate([_numbers(times) for times, _ in groups]))
-    used = {leaf.name for times, held in groups for leaf in (times, *held)}
-    first = groups[0][0]
-    assert isinstance(first.value, Stored)
-    columns = [first.value.column(first.heading, moments, heading=first.heading)]
-    for times, held in groups:
-        at = np.searchsorted(moments, _numbers(times))
-        for leaf in held:
-            samples = np.full(moments.size, np.nan)
-            samples[at] = _numbers(leaf)
-            assert isinstance(leaf.value, Stored)
-            columns.append(leaf.value.column(leaf.name, samples, heading=leaf.heading))
+    owned = [(times, leaf) for times, held in groups for leaf in held]
+    moments, spread = on_all_times(
+        [_numbers(times) for times, _ in owned], [_numbers(leaf) for _, leaf in owned]
+    )
+    used = {leaf.name for pair in owned for leaf in pair}
+    columns = [
+        leaf.value.column(name, values, heading=leaf.heading)
+        for leaf, name, values in (
+            (groups[0][0], groups[0][0].heading, moments),
+            *((leaf, leaf.name, each) for (_, leaf), each in zip(owned, spread, strict=True)),
+        )
+        if isinstance(leaf.value, Stored)
+    ]
     rest = [leaf for leaf in found if leaf.name not in used]
     scalars = [leaf for leaf in rest if isinstance(leaf.value, Stored) and _size(leaf) == 1]
     findings = _left_out(

@@ -128,6 +128,23 @@ class Table:
         return self.columns[0].values.size if self.columns else 0
 
 
+def on_all_times(
+    times: Sequence[np.ndarray], columns: Sequence[np.ndarray]
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Return all times that columns have, and the columns there, NaN at those of others.
+
+    Args:
+        times: Of each column, increasing, shape (sample,).
+        columns: Their values, shape (sample,) each.
+    """
+    moments = np.unique(np.concatenate(times))
+    spread = []
+    for own, values in zip(times, columns, strict=True):
+        spread.append(np.full(moments.size, np.nan))
+        spread[-1][np.searchsorted(moments, own)] = values
+    return moments, spread
+
+
 PREAMBLE = "Preamble: "
 """How a note begins that holds a line above the table."""
 

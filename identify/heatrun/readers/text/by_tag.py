@@ -16,7 +16,7 @@ import pandas as pd
 from ...errors import InputError
 from ...io.quantities import printable
 from ...record.header import split_name
-from ...record.table import Column, Stated, Table
+from ...record.table import Column, Stated, Table, on_all_times
 from ...record.units import find_unit
 
 TIMES = frozenset(("time", "timestamp", "datetime", "ts", "zeit", "zeitstempel"))
@@ -91,12 +91,12 @@ def by_clock(table: Table) -> Table:
         or all(np.array_equal(one, times[0]) for one in times)
     ):
         return table
-    moments = np.unique(np.concatenate(times))
+    known = [
+        one.values[np.isfinite(clock.values)] for clock, one in zip(clocks, values, strict=True)
+    ]
+    moments, spread = on_all_times(times, known)
     columns = [replace(clocks[0], values=moments)]
-    for clock, held, column in zip(clocks, times, values, strict=True):
-        samples = np.full(moments.size, np.nan)
-        samples[np.searchsorted(moments, held)] = column.values[np.isfinite(clock.values)]
-        columns.append(replace(column, values=samples))
+    columns += [replace(one, values=each) for one, each in zip(values, spread, strict=True)]
     note = f"Each column is read by the '{clocks[0].name}' to its left."
     return replace(table, columns=tuple(columns), sample_numbers=None, is_by_tag=True,
                    notes=(*table.notes, note))  # fmt: skip
