@@ -19,8 +19,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from lptn import CopperLosses, Drive, Network, heat_input, steady_current, steady_state, time_to
+from lptn.constant_drive import SteadyCurrent
 from lptn.effects import AbstractEffect
-from lptn.steady_state import SteadyCurrent
 
 from ..io.programs import compiled
 from ..io.quantities import rounded
