@@ -27,11 +27,10 @@ from .model.model import Model
 from .model.network_form import NetworkForm
 from .model.network_text import network_named
 from .model.problem import Problem
-from .posterior.fit_checks import fit_findings, holding_heat
+from .posterior.fit_checks import changes_finding, fit_findings, fit_with_changes, holding_heat
 from .posterior.identifiability import check_reduction
 from .posterior.posterior import Posterior, normal_draws, sample
 from .posterior.predict import Prediction, predict, unpredicted
-from .posterior.test_to_test import changes_finding, fit_with_changes
 from .readers.joined import read_tests
 from .record.blocks import Blocks
 from .record.motor import Motor

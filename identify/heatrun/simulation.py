@@ -16,8 +16,7 @@ from .io.open_file import read_start
 from .io.toml_text import LARGEST_BYTES, parse_toml
 from .io.whole_files import is_other, numbered, refuse_replacing, together, writable, write_whole
 from .model.catalogue import known_effects
-from .model.courses import block_means
-from .model.draws import NUM_NOISE, Draws
+from .model.draws import NUM_NOISE, Draws, block_means
 from .model.model import Model
 from .model.model_parameters import override_names, parameters
 from .model.network_form import NetworkForm

@@ -181,7 +181,7 @@ def test_what_a_run_states_in_english_is_in_the_table(module):
 
 
 SAYS_FINDINGS = (
-    "posterior/fit_checks.py", "posterior/test_to_test.py", "checks/excitation.py",
+    "posterior/fit_checks.py", "checks/excitation.py",
     "effects/found.py", "fit/fit.py",
 )  # fmt: skip
 """Where all sentences of findings are in the table."""

@@ -25,10 +25,9 @@ from lptn import longest_step
 from ..errors import InputError
 from ..io.programs import compiled
 from ..model.bodies import told_bodies
-from ..model.loggers import Loggers, scales_of
 from ..model.model import Model
 from ..model.model_parameters import COLD_START_K
-from ..model.noise import Noise, whiten
+from ..model.noise import Loggers, Noise, scales_of, whiten
 from ..model.parameters import Parameter
 from ..record.blocks import Blocks
 from ..record.observation import Observation

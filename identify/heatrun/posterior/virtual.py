@@ -13,7 +13,7 @@ import pandas as pd
 from lptn import growth_rate, longest_step
 
 from ..errors import InputError
-from ..model.courses import simulated
+from ..model.draws import simulated
 from ..model.model import Model
 from ..record.blocks import Blocks
 from ..record.motor import Motor

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from scipy.optimize import least_squares
 
 from ..model.bodies import OWN, own_name
-from ..model.courses import block_means
+from ..model.draws import block_means
 from ..model.model import Model
 from ..model.parameters import Parameter
 from ..posterior.predict import Prediction

@@ -19,9 +19,9 @@ import pandas as pd
 from ..errors import InputError
 from ..io.toml_text import parse_toml
 from ..model.catalogue import effects_named
-from ..model.loggers import Loggers
 from ..model.model import Model
 from ..model.network_text import network_of, network_text
+from ..model.noise import Loggers
 from ..model.parameters import Parameter, ParameterSet, collect
 from ..motor.certificate import parse_meta
 from ..motor.file import parse_motor
