@@ -12,7 +12,6 @@ from typing import Any, Literal
 
 from lptn.effects import AbstractEffect
 
-from .attempts import Attempts
 from .checks import check_record, current_scale_unchecked
 from .checks.load_moments import with_load_moments
 from .checks.suitability import as_holdout
@@ -33,6 +32,7 @@ from .posterior.posterior import Posterior, normal_draws, sample
 from .posterior.predict import Prediction, predict, unpredicted
 from .readers.joined import read_tests
 from .record.blocks import Blocks
+from .record.findings import Attempts
 from .record.motor import Motor
 from .record.record import Finding, Record
 from .record.reduction import reduce, with_scales
