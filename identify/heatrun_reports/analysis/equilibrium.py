@@ -13,7 +13,7 @@ from heatrun.record.record import Finding, Record
 from heatrun.record.samples import has
 from heatrun.runs.equilibrium import Equilibrium, equilibria
 
-from ..bench_test_types import NOT_OF_THE_MACHINE
+from ..report import NOT_OF_THE_MACHINE
 from ..simulated import Simulated, simulate_run
 from .drive import LossSplit, split_losses
 
