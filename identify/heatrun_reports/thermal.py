@@ -43,7 +43,7 @@ from .report import (
 from .simulated import Simulated, before, fitted_by
 
 if TYPE_CHECKING:
-    from heatrun.runs.steady_of_network import SteadyNetwork
+    from heatrun.runs.machine import SteadyNetwork
 
 
 PLACES_K = 2

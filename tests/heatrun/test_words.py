@@ -122,7 +122,7 @@ STORED = Path(__file__).parents[1] / "stored" / "fit-1.json"
 DISCOVERY = STORED.with_name("discovery-2.json")
 STATES_ENGLISH = (
     "runs/verdict.py", "runs/duties.py", "runs/machine.py", "runs/ratings_figures.py",
-    "runs/budget.py",
+    "runs/figures_of_draws.py",
 )  # fmt: skip
 """Where the sentences are made that a run states in English."""
 

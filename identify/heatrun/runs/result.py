@@ -48,12 +48,11 @@ from ..results.model import (
 )
 from ..results.values import Interval, Part, Role, known
 from ..version import __version__
-from .budget import UNDECIDED, Budget, budget_of
 from .equilibrium import SteadyRise, Stretch, equilibria
-from .machine import tested
+from .figures_of_draws import UNDECIDED, Budget, budget_of
+from .machine import steady_of_network, tested
 from .ratings_figures import derive
 from .replica import replica
-from .steady_of_network import steady_of_network
 
 T = TypeVar("T")
 
