@@ -22,8 +22,8 @@ from .model.model_parameters import override_names, parameters
 from .model.network_form import NetworkForm
 from .model.network_text import network_named
 from .model.parameters import effect_names
+from .posterior.driven import reduce_driven, refuse_coarse_steps, refuse_runaway, virtual_record
 from .posterior.predict import Prediction, of_test, predict
-from .posterior.virtual import reduce_driven, refuse_coarse_steps, refuse_runaway, virtual_record
 from .readers.channel_map import require
 from .readers.joined import read_test
 from .readers.read import read_raw, read_record

@@ -23,7 +23,7 @@ from ..model.parameters import null_values
 from ..record.blocks import Blocks
 from ..record.observation import Observation
 from ..results.values import Role
-from .starts import refuse_unstable, start_draws
+from .driven import refuse_unstable, start_draws
 
 if TYPE_CHECKING:
     from .posterior import Posterior

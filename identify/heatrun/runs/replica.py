@@ -14,8 +14,8 @@ from ..model.bodies import OWN, own_name
 from ..model.draws import block_means
 from ..model.model import Model
 from ..model.parameters import Parameter
+from ..posterior.driven import ABSURD
 from ..posterior.predict import Prediction
-from ..posterior.starts import ABSURD
 from ..record.blocks import Blocks
 from ..record.observation import Observation
 from ..results.model import Replica

@@ -393,8 +393,8 @@ class Run:
             InputError: If the run or the file cannot be read, a channel is missing, or the model
                 leaves the temperatures at which there is a machine.
         """
+        from ..posterior.driven import reduce_driven, refuse_runaway
         from ..posterior.predict import NUM_DRAWS, predict
-        from ..posterior.virtual import reduce_driven, refuse_runaway
 
         motor = replace(motor or self.motor, scales=self.motor.scales)
         record = test if isinstance(test, Record) else read_test(Path(test), motor)
@@ -418,9 +418,9 @@ class Run:
         """Return the record of a virtual prototype driven by a test; arguments as `predict`.
 
         Returns:
-            As `heatrun.posterior.virtual.virtual_record`.
+            As `heatrun.posterior.driven.virtual_record`.
         """
-        from ..posterior.virtual import virtual_record
+        from ..posterior.driven import virtual_record
 
         motor = motor or self.motor
         record = test if isinstance(test, Record) else read_test(Path(test), motor)

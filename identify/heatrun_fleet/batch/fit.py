@@ -37,7 +37,7 @@ from heatrun.model.discrepancy import num_knots
 from heatrun.model.noise import Noise, from_scores
 from heatrun.model.parameters import Parameter
 from heatrun.model.problem import Problem, Structure
-from heatrun.posterior.starts import STABLE
+from heatrun.posterior.driven import STABLE
 from heatrun.record.blocks import Blocks
 
 from .march import Group, Machines
