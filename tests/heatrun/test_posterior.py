@@ -20,7 +20,7 @@ from heatrun.posterior.predict import predict
 from heatrun.posterior.proposal import Branches
 from heatrun.record.reduction import reduce
 from heatrun.runs import netcdf as archive
-from heatrun.runs.stored_draws import by_name, groups_of
+from heatrun.runs.netcdf import by_name, groups_of
 
 SLOW = pytest.mark.slow
 
