@@ -12,7 +12,6 @@ from typing import Any, Literal
 
 from lptn.effects import AbstractEffect
 
-from .attempts import Attempts
 from .checks import check_record, current_scale_unchecked
 from .checks.load_moments import with_load_moments
 from .checks.suitability import as_holdout
@@ -27,13 +26,13 @@ from .model.model import Model
 from .model.network_form import NetworkForm
 from .model.network_text import network_named
 from .model.problem import Problem
-from .posterior.fit_checks import fit_findings, holding_heat
+from .posterior.fit_checks import changes_finding, fit_findings, fit_with_changes, holding_heat
 from .posterior.identifiability import check_reduction
 from .posterior.posterior import Posterior, normal_draws, sample
 from .posterior.predict import Prediction, predict, unpredicted
-from .posterior.test_to_test import changes_finding, fit_with_changes
 from .readers.joined import read_tests
 from .record.blocks import Blocks
+from .record.findings import Attempts
 from .record.motor import Motor
 from .record.record import Finding, Record
 from .record.reduction import reduce, with_scales

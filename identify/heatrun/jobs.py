@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from .attempts import OUTPUT_FAILED, Attempts
 from .calibration import BenchTest, Calibration, Settings, calibrate, identity, manifest
 from .discovery.discovery import tell
 from .discovery.result import assemble
@@ -23,6 +22,7 @@ from .model.network_text import network_text
 from .posterior.fit_checks import holding_heat
 from .posterior.posterior import normal_draws
 from .posterior.predict import predict
+from .record.findings import OUTPUT_FAILED, Attempts
 from .record.motor import Motor
 from .reports.discovery import draw_all, write_report
 from .reports.of_run import with_sheet

@@ -16,15 +16,14 @@ from .io.open_file import read_start
 from .io.toml_text import LARGEST_BYTES, parse_toml
 from .io.whole_files import is_other, numbered, refuse_replacing, together, writable, write_whole
 from .model.catalogue import known_effects
-from .model.courses import block_means
-from .model.draws import NUM_NOISE, Draws
+from .model.draws import NUM_NOISE, Draws, block_means
 from .model.model import Model
 from .model.model_parameters import override_names, parameters
 from .model.network_form import NetworkForm
 from .model.network_text import network_named
 from .model.parameters import effect_names
+from .posterior.driven import reduce_driven, refuse_coarse_steps, refuse_runaway, virtual_record
 from .posterior.predict import Prediction, of_test, predict
-from .posterior.virtual import reduce_driven, refuse_coarse_steps, refuse_runaway, virtual_record
 from .readers.channel_map import require
 from .readers.joined import read_test
 from .readers.read import read_raw, read_record

@@ -35,7 +35,7 @@ from heatrun.model.network_form import NetworkForm
 from heatrun.model.network_text import network_named, network_text
 from heatrun.readers.joined import files_of
 from heatrun.record.record import Finding
-from heatrun.results.json_text import to_json
+from heatrun.results.values import to_json
 
 from .entries import ALIASES, COLUMNS, Entry, Row, cell_text, check_columns, gathered, read_manifest
 from .rows import FORMAT

@@ -32,7 +32,7 @@ from heatrun.io.whole_files import (
     writable,
     write_whole,
 )
-from heatrun.results.json_text import to_json
+from heatrun.results.values import to_json
 from heatrun.runs.run_folder import environment, refuse_unwritable
 from heatrun.work import Progress, Work
 

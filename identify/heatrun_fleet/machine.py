@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from heatrun.arithmetic import refuse_wrong_sums
 from heatrun.calibration import (
     BenchTest,
     Refused,
@@ -28,6 +27,7 @@ from heatrun.checks import current_scale_unchecked
 from heatrun.errors import InputError
 from heatrun.fit.fit import fit
 from heatrun.fit.fit_result import RESULT, Fit
+from heatrun.io.programs import refuse_wrong_sums
 from heatrun.model.catalogue import known_effects
 from heatrun.model.draws import Draws
 from heatrun.model.model import Model

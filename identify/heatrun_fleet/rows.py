@@ -33,7 +33,7 @@ from heatrun.fit.fit_result import RESULT, Fit
 from heatrun.io.whole_files import write_whole
 from heatrun.model.noise import noise_parameters
 from heatrun.record.record import Finding
-from heatrun.results.json_text import to_json, to_plain
+from heatrun.results.values import to_json, to_plain
 
 from .entries import Entry
 from .shared_effects.pooled import Evidence

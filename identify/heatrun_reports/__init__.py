@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any
 import heatrun as heatrun  # settings of JAX before its first use
 
 if TYPE_CHECKING:
-    from .bench_test_types import CARDS as CARDS
-    from .bench_test_types import TEST_TYPES as TEST_TYPES
-    from .bench_test_types import BenchTestType as BenchTestType
-    from .bench_test_types import Kind as Kind
     from .general import energy_report as energy_report
     from .general import general_report as general_report
     from .job import Outcome as Outcome
     from .job import build_report as build_report
     from .job import make_report as make_report
     from .prototypes_report import make_prototypes_report as make_prototypes_report
+    from .report import CARDS as CARDS
+    from .report import TEST_TYPES as TEST_TYPES
+    from .report import BenchTestType as BenchTestType
+    from .report import Kind as Kind
     from .report import Report as Report
     from .simulated import Reference as Reference
     from .simulated import read_reference as read_reference
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 
 _PLACES = {
     "build_report": ".job",
-    "CARDS": ".bench_test_types",
-    "TEST_TYPES": ".bench_test_types",
-    "BenchTestType": ".bench_test_types",
-    "Kind": ".bench_test_types",
+    "CARDS": ".report",
+    "TEST_TYPES": ".report",
+    "BenchTestType": ".report",
+    "Kind": ".report",
     "energy_report": ".general",
     "general_report": ".general",
     "Outcome": ".job",

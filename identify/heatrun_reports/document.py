@@ -33,8 +33,7 @@ from heatrun.reports.figures import again, save
 from heatrun.reports.pdf import typeset
 from heatrun.reports.printed import fixed, ranked, told
 
-from .bench_test_types import CARDS, Kind
-from .report import Cell, Line, Report, Row, Table
+from .report import CARDS, Cell, Kind, Line, Report, Row, Table
 
 TEMPLATE = resources.files("heatrun_reports") / "report.typ"
 LONGEST_TEXT = 900

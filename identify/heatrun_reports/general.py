@@ -37,9 +37,8 @@ from .analysis.general_information import (
     GeneralInformation,
     general_information,
 )
-from .bench_test_types import NOT_OF_THE_MACHINE, TEST_TYPES
 from .plot import courses, energy_course, plane, unit, wording
-from .report import Column, Drawing, Line, Report, Row, Table
+from .report import NOT_OF_THE_MACHINE, TEST_TYPES, Column, Drawing, Line, Report, Row, Table
 
 WORTH_SAYING = 0.01
 """Reduction by regeneration [%] below which it is the noise of a meter around no power."""

@@ -19,7 +19,6 @@ from heatrun.results import to_json
 from heatrun.runs.run import open_run
 from heatrun.work import Progress, Work
 
-from .bench_test_types import CARDS, TEST_TYPES, Kind
 from .document import (
     DateOfTest,
     choose_name,
@@ -31,7 +30,7 @@ from .document import (
     write_pdf,
 )
 from .general import energy_report, general_report
-from .report import Report
+from .report import CARDS, TEST_TYPES, Kind, Report
 from .simulated import Reference, read_reference, reference_of_run, refuse_changed, simulate_run
 from .thermal import thermal_report
 from .validation_report import validation_report

@@ -27,7 +27,6 @@ from heatrun.reports.printed import signed
 from .analysis.drive import has, with_powers
 from .analysis.general_information import FIGURES
 from .analysis.validation import PERCENT, RULE, VERDICTS, FigureComparison, SignalComparison, place
-from .bench_test_types import PROTOTYPES
 from .document import date_of_test
 from .job import Outcome, settings_of, write_report
 from .plot import CYCLE, finish, line, samples_or_nan, stacked, thin, unit, wording
@@ -42,7 +41,7 @@ from .prototypes import (
     judge_network,
     read_prototypes,
 )
-from .report import Column, Drawing, Line, Report, Row, Table
+from .report import PROTOTYPES, Column, Drawing, Line, Report, Row, Table
 from .simulated import before, fitted_by, same_file, simulated_as
 from .validation_report import disagreement, figure_cells, lower
 

@@ -25,15 +25,25 @@ from heatrun.runs.equilibrium import EXTRAPOLATION, Equilibrium, SteadyRise, cri
 from .analysis.drive import LossSplit, has, integrate
 from .analysis.equilibrium import ThermalBehaviour, thermal_behaviour
 from .analysis.validation import instrument_class
-from .bench_test_types import NOT_OF_THE_MACHINE, TEST_TYPES, flow_words, unnamed
 from .document import number
 from .general import places_of_readings, recorded, rise_lines, signal_table
 from .plot import CYCLE, finish, line, samples_or_nan, stacked, unit, wording
-from .report import Column, Drawing, Line, Report, Row, Table
+from .report import (
+    NOT_OF_THE_MACHINE,
+    TEST_TYPES,
+    Column,
+    Drawing,
+    Line,
+    Report,
+    Row,
+    Table,
+    flow_words,
+    unnamed,
+)
 from .simulated import Simulated, before, fitted_by
 
 if TYPE_CHECKING:
-    from heatrun.runs.steady_of_network import SteadyNetwork
+    from heatrun.runs.machine import SteadyNetwork
 
 
 PLACES_K = 2

@@ -20,9 +20,8 @@ from .analysis.validation import (
     Validation,
     validate,
 )
-from .bench_test_types import TEST_TYPES
 from .plot import overlay, unit, wording
-from .report import Column, Drawing, Line, Report, Row, Table
+from .report import TEST_TYPES, Column, Drawing, Line, Report, Row, Table
 from .simulated import Reference, before, fitted_by, same_file, simulated_as
 
 DIFFERENCE_COLUMNS = (

@@ -4,18 +4,34 @@ Knows no file, no data frame and no statistics. SI units inside, temperatures in
 rms, speed in rad/s. Needs float64: `jax.config.update("jax_enable_x64", True)`.
 """
 
-from .constant_drive import heat_input, link_resistances
+from .constant_drive import (
+    Linearised,
+    SteadyCurrent,
+    growth_rate,
+    heat_input,
+    is_stable,
+    linearise,
+    link_resistances,
+    steady_current,
+    steady_state,
+    time_constants,
+)
 from .effects import EFFECTS
 from .effects.losses import SpeedLoss
 from .hold import Held, hold, time_to
 from .inputs import SIGNALS, Drive, Inputs
-from .linearise import Linearised, growth_rate, is_stable, linearise, time_constants
-from .losses import ALUMINIUM_COEFFICIENT, COPPER_COEFFICIENT, CopperLosses, copper_loss
 from .march import accumulate
-from .network import Network, first_order, second_order
-from .sensor import Sensor
+from .network import (
+    ALUMINIUM_COEFFICIENT,
+    COPPER_COEFFICIENT,
+    CopperLosses,
+    Network,
+    Sensor,
+    copper_loss,
+    first_order,
+    second_order,
+)
 from .simulate import Trace, block_means, longest_step, reading, reference, simulate
-from .steady_state import SteadyCurrent, steady_current, steady_state
 
 __all__ = [
     "ALUMINIUM_COEFFICIENT",

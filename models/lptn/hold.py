@@ -9,12 +9,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from .constant_drive import field
+from .constant_drive import equilibrium, field
 from .effects.base import AbstractEffect
 from .inputs import Drive
-from .losses import CopperLosses
-from .network import Network
-from .steady_state import equilibrium
+from .network import CopperLosses, Network
 from .stepping import mean, stages
 
 

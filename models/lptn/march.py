@@ -12,9 +12,7 @@ from jaxtyping import Array, Float
 
 from .effects.base import AbstractEffect, HeatEffect, NodeEffect, SensorEffect
 from .inputs import Drive, Inputs
-from .losses import CopperLosses
-from .network import Network
-from .sensor import Sensor
+from .network import CopperLosses, Network, Sensor
 from .stepping import Scalar, State, Step, affine_step, general_step
 
 

@@ -1,14 +1,18 @@
-"""Thermal networks as data: nodes with a capacitance, links with a resistance, a boundary or two.
+"""The machine as data: its thermal network, the loss of its copper, the sensor that reads it.
 
-The topology is the keys of two dictionaries, so a third node is one more entry and no new
-class. `first_order` and `second_order` are the two networks that the bench calibrates.
+A network has nodes with a capacitance, links with a resistance, a boundary or two. The topology is
+the keys of two dictionaries, so a third node is one more entry and no new class. `first_order` and
+`second_order` are the two networks that the bench calibrates. `CopperLosses` has the resistance at
+the present temperature, and says what the loss channel means.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Literal
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -155,3 +159,171 @@ def second_order(
         },
         share={"stator": jnp.asarray(1.0)},
     )
+
+
+COPPER_COEFFICIENT = 234.5
+"""B of R(T) = R (B + T)/(B + Tref) for copper [degC]; IEEE 112 and the thesis. IEC 60034-1, 8.6.2
+uses 235."""
+
+ALUMINIUM_COEFFICIENT = 225.0
+"""B for aluminium [degC]; IEC 60034-1, 8.6.2."""
+
+
+class CopperLosses(eqx.Module):
+    r"""How the electrical record heats the machine.
+
+    $$ P_{js} = m\, I_s^2 R_{s0} (B + T_w)/(B + T_{ref}) $$
+
+    Under `kind="balance"` the channel is the measured total Pd (electrical in minus mechanical
+    out), so the rest is P_ol = Pd - P_js and a warmer winding moves heat from the stator to
+    itself. Under `kind="map"` the channel is P_ol alone, and P_js comes on top.
+
+    Attributes:
+        Rs0: Phase resistance at `reference_temperature` [ohm].
+        reference_temperature: Temperature that Rs0 holds for [degC].
+        coefficient: B of the material [degC].
+        phases: Number of phases m [1].
+        kind: What the loss channel means.
+        power_gain: Correction of the loss channel [1]; the model uses (1 + gain) Pd.
+        torque_offset: Correction of the torque signal, to be added to it [N m]; the model uses
+            Pd - offset * speed. It has a meaning under `kind="balance"` only.
+        ambient_offset: Correction of the sink temperature, to be added to it [K].
+        current_gain: Correction of the current [1]; the model uses (1 + gain) Is.
+        shaft_power_gain: Correction of the mechanical power [1]; the model uses Pd - gain Pm. As
+            the offset, it has a meaning under `kind="balance"` only.
+        shaft_power_offset: Correction of the mechanical power, to be added to it [W].
+        second_sink_offset: Correction of the second sink's temperature, to be added to it [K].
+    """
+
+    Rs0: Float[Array, ""]
+    reference_temperature: Float[Array, ""] | float = 25.0
+    coefficient: Float[Array, ""] | float = COPPER_COEFFICIENT
+    phases: int = eqx.field(static=True, default=3)
+    kind: Literal["balance", "map"] = eqx.field(static=True, default="balance")
+    power_gain: Float[Array, ""] | float = 0.0
+    torque_offset: Float[Array, ""] | float = 0.0
+    ambient_offset: Float[Array, ""] | float = 0.0
+    current_gain: Float[Array, ""] | float = 0.0
+    shaft_power_gain: Float[Array, ""] | float = 0.0
+    shaft_power_offset: Float[Array, ""] | float = 0.0
+    second_sink_offset: Float[Array, ""] | float = 0.0
+
+    def slope(self, current_squared: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Return k of P_js = k (B + Tw) [W/K], shape as `current_squared` [A^2]."""
+        per_square = self.phases * self.Rs0 / (self.coefficient + self.reference_temperature)
+        return per_square * (1.0 + self.current_gain) ** 2 * current_squared
+
+
+def copper_loss(
+    current_squared: Float[Array, "..."],
+    temperature: Float[Array, "..."],
+    losses: CopperLosses,
+) -> Float[Array, "..."]:
+    """Return the Joule loss P_js of the winding at its present temperature [W].
+
+    Args:
+        current_squared: Mean squared rms phase current [A^2].
+        temperature: Mean winding temperature [degC], shape as `current_squared`.
+        losses: Resistance and material.
+
+    Raises:
+        ValueError: If the shapes differ.
+
+    Valid for: skin and proximity effects negligible or contained in Rs0.
+    Reference: IEC 60034-1, 8.6.2 (resistance and temperature).
+
+    Example:
+        >>> losses = CopperLosses(Rs0=jnp.asarray(0.1), reference_temperature=20.0)
+        >>> round(float(copper_loss(jnp.asarray(100.0), jnp.asarray(20.0), losses)), 9)
+        30.0
+    """
+    if jnp.shape(current_squared) != jnp.shape(temperature):
+        raise ValueError(
+            f"Current has shape {jnp.shape(current_squared)}, temperature "
+            f"{jnp.shape(temperature)}: expected the same."
+        )
+    return losses.slope(current_squared) * (losses.coefficient + temperature)
+
+
+class Sensor(eqx.Module):
+    """A thermometer in one node with a scale and an offset error, and a lag if it has one.
+
+    Attributes:
+        node: Node that it sits in.
+        gain: Relative error of the rise above the sink [1].
+        offset: Constant error [K].
+        lag: Time constant of a first-order lag [s]; None for a sensor that follows at once. It
+            starts in equilibrium.
+    """
+
+    node: str = eqx.field(static=True, default="winding")
+    gain: Float[Array, ""] | float = 0.0
+    offset: Float[Array, ""] | float = 0.0
+    lag: Float[Array, ""] | float | None = None
+
+    def read(
+        self, temperature: Float[Array, "..."], ambient: Float[Array, "..."]
+    ) -> Float[Array, "..."]:
+        """Return the reading [degC], T + gain (T - T0) + offset, shape as `temperature`.
+
+        Args:
+            temperature: Temperature of the node [degC].
+            ambient: Sink temperature T0 at the same times [degC].
+        """
+        return temperature + self.gain * (temperature - ambient) + self.offset
+
+    def follow(
+        self,
+        sensed: Float[Array, "..."],
+        before: Float[Array, "..."],
+        after: Float[Array, "..."],
+        step: Float[Array, ""],
+    ) -> Float[Array, "..."]:
+        """Return what the sensor shows at the end of an interval [degC].
+
+        Exact where the reading without the lag runs straight over the interval.
+
+        Args:
+            sensed: What it showed at the beginning [degC].
+            before: Reading without the lag at the beginning [degC].
+            after: The same at the end [degC].
+            step: Length of the interval [s].
+        """
+        if self.lag is None:
+            return after
+        return _follow(sensed, before, after, *_weights(self.lag, step))
+
+
+def lagged(
+    reading: Float[Array, " edge"], lag: Float[Array, ""] | float, step: Float[Array, " time"]
+) -> Float[Array, " edge"]:
+    """Return a reading with a first-order lag that starts in equilibrium [degC], shape (edge,).
+
+    Exact where the reading runs straight between edges, so that a lag much shorter than the
+    interval is as stable as a long one.
+
+    Args:
+        reading: Reading without the lag at the edges of the intervals [degC].
+        lag: Time constant [s].
+        step: Length of each interval [s].
+    """
+
+    def advance(sensed, x):
+        sensed = _follow(sensed, *x)
+        return sensed, sensed
+
+    rows = (reading[:-1], reading[1:], *_weights(lag, step))
+    _, sensed = jax.lax.scan(advance, reading[0], rows)
+    return jnp.concatenate([reading[:1], sensed])
+
+
+def _weights(lag, step):
+    """Return the decay over an interval, and its mean over it [1]."""
+    # the summand keeps value and one-sided gradient finite at no lag
+    ratio = step / (lag + 1e-9 * step)
+    return jnp.exp(-ratio), -jnp.expm1(-ratio) / ratio
+
+
+def _follow(sensed, before, after, decay, mean):
+    """Return the response to a ramp from `before` to `after`."""
+    return decay * sensed + (mean - decay) * before + (1.0 - mean) * after

@@ -11,10 +11,8 @@ from jaxtyping import Array, Float
 
 from .effects.base import AbstractEffect, SensorEffect
 from .inputs import Inputs
-from .losses import CopperLosses
 from .march import heat_effects, is_concrete, march, prepare, sensed_march
-from .network import Link, Network
-from .sensor import Sensor, lagged
+from .network import CopperLosses, Link, Network, Sensor, lagged
 from .stepping import State, heat_balance, loss_split, mean, rates, stages
 
 

@@ -19,8 +19,7 @@ from jaxtyping import Array, Float
 
 from .effects.base import HeatEffect, Terms
 from .inputs import Drive
-from .losses import CopperLosses
-from .network import Network
+from .network import CopperLosses, Network
 
 Temperatures = Mapping[str, Float[Array, "..."]]
 

@@ -12,10 +12,8 @@ import lptn
 from heatrun.motor.file import load_motor
 from heatrun.readers.joined import read_test
 from heatrun.record.reduction import reduce
-from lptn.effects.cooling import SpeedCooling
+from lptn.effects.heat_paths import InsulationConductivity, Radiation, SpeedCooling
 from lptn.effects.losses import AcCopperLoss, StrayLoadLoss
-from lptn.effects.surface import Radiation
-from lptn.effects.winding_path import InsulationConductivity
 
 SYNTHETIC = Path(__file__).parents[2] / "data" / "synthetic"
 

@@ -19,8 +19,7 @@ from heatrun.results.schema import schema_of
 from heatrun_fleet.population.gathered import covariates_of, designed
 from heatrun_fleet.population.of_fleet import gathered_of_fleet, read_fleet
 from heatrun_fleet.population.table import COLUMNS, schema
-from heatrun_fleet.results import PopulationResult
-from heatrun_fleet.results.schema import SCHEMAS
+from heatrun_fleet.results import SCHEMAS, PopulationResult
 
 NUM = 40
 SUPPLIER, DRIFT = 0.08, 0.10

@@ -21,7 +21,7 @@ from heatrun.model.problem import Problem, linearise
 from heatrun.results import to_json
 from heatrun.results.schema import schema_of
 from heatrun_fleet.machine import Prepared, prepare
-from heatrun_fleet.results.schema import SCHEMAS
+from heatrun_fleet.results import SCHEMAS
 from heatrun_fleet.rows import effect_columns, evidence_in, packed, unpacked
 from heatrun_fleet.shared_effects.job import NAME, discover_fleet, discover_type, read_discovery
 from heatrun_fleet.shared_effects.pooled import Evidence, evidence_of, pool

@@ -25,7 +25,7 @@ from heatrun.io import open_file
 from heatrun.model.network_text import network_named
 from heatrun.motor.file import load_motor
 from heatrun.posterior.ensemble import CONTENT, Checkpoint
-from heatrun.readers import mat, mat5, parquet
+from heatrun.readers import mat, mat5, stored
 from heatrun.readers.read import read_raw, read_record
 from heatrun.results import to_json
 from heatrun.simulation import parameters_from
@@ -171,7 +171,7 @@ def test_data_sets_that_lie_in_other_files_are_not_followed(tmp_path):
 
 
 def test_a_bomb_in_a_parquet_table(tmp_path, monkeypatch):
-    monkeypatch.setattr(parquet, "LARGEST_NUMBERS", 10**6)
+    monkeypatch.setattr(stored, "LARGEST_NUMBERS", 10**6)
     path = tmp_path / "test.parquet"
     pyarrow.parquet.write_table(pyarrow.table({"t": np.zeros(2 * 10**6)}), path)
     with pytest.raises(InputError, match="2000000 numbers"):

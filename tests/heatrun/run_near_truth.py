@@ -15,7 +15,7 @@ from heatrun.model.model_parameters import parameters
 from heatrun.record.motor import Motor, ParameterOverride
 from heatrun.record.record import Record
 from heatrun.record.reduction import reduce
-from heatrun.results.json_text import to_plain
+from heatrun.results.values import to_plain
 from heatrun.runs.machine import tested
 from heatrun.runs.run import ModelOfRun, model_text
 from heatrun.runs.write import motor_text

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 import heatrun
-from heatrun import arithmetic, commands
-from heatrun.arithmetic import refuse_wrong_sums, sums_of_squares
+from heatrun import commands
 from heatrun.cli import main
 from heatrun.effects.found import find
 from heatrun.errors import InputError
 from heatrun.fit.fit import fit
+from heatrun.io import programs
+from heatrun.io.programs import refuse_wrong_sums, sums_of_squares
 from heatrun_fleet.batch.fit import fit_batch
 from heatrun_fleet.machine import fit_machines
 
@@ -46,7 +47,7 @@ def wrong(unchecked, monkeypatch):
         right[-10:] = right[:10]
         return right
 
-    monkeypatch.setattr(arithmetic, "sums_of_squares", shifted)
+    monkeypatch.setattr(programs, "sums_of_squares", shifted)
 
 
 # jaxlib 0.10.2 has the last of 16 385, and 3616 of 20 000, wrong; and more with a square matrix
@@ -76,7 +77,7 @@ def test_what_is_right_is_looked_at_once(unchecked, monkeypatch):
         looked.append(rows.shape)
         return sums_of_squares(matrix, rows)
 
-    monkeypatch.setattr(arithmetic, "sums_of_squares", counted)
+    monkeypatch.setattr(programs, "sums_of_squares", counted)
     refuse_wrong_sums()
     refuse_wrong_sums()
     assert len(looked) == 1

@@ -14,9 +14,9 @@ from heatrun.fit.fit import fit
 from heatrun.model.bodies import corrected_losses, shaft_errors
 from heatrun.model.model import Model
 from heatrun.model.problem import Problem
+from heatrun.posterior.driven import virtual_record
 from heatrun.posterior.posterior import normal_draws
 from heatrun.posterior.predict import predict
-from heatrun.posterior.virtual import virtual_record
 from heatrun.record.balance_errors import told_by_inputs
 from heatrun.record.derive import BY_CONSTANTS
 from heatrun.record.motor import Motor, ParameterOverride

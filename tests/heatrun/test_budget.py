@@ -24,9 +24,8 @@ from heatrun.reports.certificate import parameter_lines
 from heatrun.reports.content import _budget
 from heatrun.reports.dcc import dcc_text
 from heatrun.results import FitResult
-from heatrun.results.json_text import from_json
-from heatrun.results.values import Part, budget, combined
-from heatrun.runs.budget import HEAT, NOISE, SMALL_EFFECTS, UNDECIDED, budget_of
+from heatrun.results.values import Part, budget, combined, from_json
+from heatrun.runs.figures_of_draws import HEAT, NOISE, SMALL_EFFECTS, UNDECIDED, budget_of
 from heatrun.runs.result import describe_model
 from lptn.effects import EFFECTS
 

@@ -21,8 +21,7 @@ from heatrun.model.model import Model
 from heatrun.model.problem import Problem
 from lptn import EFFECTS
 from lptn.effects.bodies import HousingNode, NeighbourBody
-from lptn.effects.sinks import AmbientDrift
-from lptn.effects.surface import NaturalConvection, Radiation
+from lptn.effects.heat_paths import AmbientDrift, NaturalConvection, Radiation
 
 FEW = ("speed_cooling", "sensor_lag", "rotor_node", "ambient_drift", "stray_load_loss")
 

@@ -29,7 +29,7 @@ from heatrun.model.network_text import network_named
 from heatrun.record.motor import Motor
 from heatrun.record.record import Record
 from lptn import EFFECTS, CopperLosses, Inputs, SpeedLoss, reference, second_order
-from lptn.effects.cooling import CoolingStep, SpeedCooling
+from lptn.effects.heat_paths import CoolingStep, SpeedCooling
 
 MOTOR = Motor("bench", phase_resistance_ohm=0.0062)
 VALUES = {

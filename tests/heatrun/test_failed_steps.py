@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 
 from heatrun import calibration, jobs
-from heatrun.attempts import FAILED, OUTPUT_FAILED, Attempts
 from heatrun.calibration import Settings, load_tests
 from heatrun.errors import InputError, UsageError
 from heatrun.model.network_text import networks_of
 from heatrun.motor.file import load_motor
 from heatrun.posterior.posterior import normal_draws
 from heatrun.posterior.predict import unpredicted
+from heatrun.record.findings import FAILED, OUTPUT_FAILED, Attempts
 from heatrun.reports import figures, of_run
 from heatrun.reports.of_run import rewrite_sheet, write_sheet
 from heatrun.reports.terminal import result_text

@@ -32,7 +32,7 @@ from heatrun.record.motor import Motor
 from heatrun.record.record import Record
 from heatrun.record.reduction import reduce
 from heatrun_reports import build_report
-from heatrun_reports.bench_test_types import flow_words
+from heatrun_reports.report import flow_words
 from lptn import CopperLosses, Drive, Inputs, Network, simulate, steady_state
 from lptn.effects import CoolantSink, SpeedCooling, applies, build
 

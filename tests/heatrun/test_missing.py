@@ -26,8 +26,8 @@ from heatrun.model.catalogue import all_effects
 from heatrun.model.draws import Draws, PlausibleEffect, PlausibleEffects
 from heatrun.model.model import Model
 from heatrun.model.model_parameters import parameters
+from heatrun.posterior.driven import virtual_record
 from heatrun.posterior.predict import predict
-from heatrun.posterior.virtual import virtual_record
 from lptn.effects import EFFECTS
 
 

@@ -20,7 +20,7 @@ from heatrun.posterior.predict import predict
 from heatrun.posterior.proposal import Branches
 from heatrun.record.reduction import reduce
 from heatrun.runs import netcdf as archive
-from heatrun.runs.stored_draws import by_name, groups_of
+from heatrun.runs.netcdf import by_name, groups_of
 
 SLOW = pytest.mark.slow
 
@@ -242,8 +242,8 @@ def test_weighted_draws_that_cannot_be_trusted_give_way_to_the_ensemble_which_sa
 ):
     monkeypatch.setattr("heatrun.posterior.weighted.PARETO_LIMIT", -1.0)
     # few draws, for none of them is good enough
-    monkeypatch.setattr("heatrun.posterior.rounds.MOST_ROUNDS", 1)
-    monkeypatch.setattr("heatrun.posterior.rounds.NUM_DRAWS", 256)
+    monkeypatch.setattr("heatrun.posterior.importance.MOST_ROUNDS", 1)
+    monkeypatch.setattr("heatrun.posterior.importance.NUM_DRAWS", 256)
     monkeypatch.setattr("heatrun.posterior.importance.NUM_ADAPTATIONS", 0)
     told = []
     asked = sample(

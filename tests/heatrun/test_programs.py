@@ -115,6 +115,6 @@ def test_a_program_depends_on_the_files_that_its_module_may_import():
         return done.stdout
 
     as_is = digest("")
-    assert digest("lptn/effects/cooling.py") != as_is
+    assert digest("lptn/effects/heat_paths.py") != as_is
     assert digest("heatrun/record/samples.py") != as_is  # a constant alone is taken from it
     assert digest("heatrun/reports/figures.py") == as_is

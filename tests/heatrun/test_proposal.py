@@ -17,13 +17,18 @@ from heatrun.model.kernels import Kernels
 from heatrun.model.model import Model
 from heatrun.model.problem import Problem
 from heatrun.motor.file import load_motor
-from heatrun.posterior import rounds as rounds_module
+from heatrun.posterior import importance as importance_module
 from heatrun.posterior import rto as rto_module
 from heatrun.posterior.fit_checks import holding_heat
-from heatrun.posterior.importance import importance_sample, linear_sample
+from heatrun.posterior.importance import (
+    Several,
+    covered,
+    importance_sample,
+    linear_sample,
+    sample_rto,
+)
 from heatrun.posterior.posterior import sample
 from heatrun.posterior.proposal import Proposal
-from heatrun.posterior.rounds import Several, covered, sample_rto
 from heatrun.posterior.rto import LEAST_KEPT, NUM_TRIED, Noises, Rto
 from heatrun.posterior.weighted import Weighted, evaluate, truncated
 
@@ -343,7 +348,7 @@ def test_draws_around_two_optima_give_the_law_that_those_around_one_give(
     short, of_short, followed, rng8, monkeypatch, num, least
 ):
     """With few draws in a round, and with as many as there are."""
-    monkeypatch.setattr(rounds_module, "NUM_DRAWS", num)
+    monkeypatch.setattr(importance_module, "NUM_DRAWS", num)
     monkeypatch.setattr("heatrun.posterior.weighted.LEAST_EFFECTIVE", least)
     one = followed
     aside = short.z + 0.7 * moments(one).sd[: short.z.size]
@@ -352,7 +357,7 @@ def test_draws_around_two_optima_give_the_law_that_those_around_one_give(
     def covered_by(_, weighted):
         return np.array([True, isinstance(weighted.proposal, Several)])
 
-    monkeypatch.setattr(rounds_module, "covered", covered_by)
+    monkeypatch.setattr(importance_module, "covered", covered_by)
     two = sample_rto(both, of_short, rng8)
     assert isinstance(two.proposal, Several)
     assert two.is_sound
@@ -375,8 +380,8 @@ def test_a_proposal_around_two_optima_is_a_normalised_density(rto, short, of_sho
 
 def test_where_the_guard_is_never_satisfied_there_are_draws_all_the_same(short, monkeypatch):
     monkeypatch.setattr("heatrun.posterior.weighted.PARETO_LIMIT", -1.0)
-    monkeypatch.setattr(rounds_module, "NUM_DRAWS", 64)
-    monkeypatch.setattr(rounds_module, "MOST_ROUNDS", 2)
+    monkeypatch.setattr(importance_module, "NUM_DRAWS", 64)
+    monkeypatch.setattr(importance_module, "MOST_ROUNDS", 2)
     monkeypatch.setattr("heatrun.posterior.importance.NUM_ADAPTATIONS", 1)
     weighted = importance_sample(short)
     assert not weighted.is_sound

@@ -17,7 +17,7 @@ from heatrun.results import DiscoveryResult, FitResult, from_json, to_json
 from heatrun.results.discovery import CandidateFate
 from heatrun.results.model import DerivedFigure, MissingSpan
 from heatrun.results.schema import SCHEMAS, schema_of
-from heatrun_fleet.results.schema import SCHEMAS as SCHEMAS_OF_FLEETS
+from heatrun_fleet.results import SCHEMAS as SCHEMAS_OF_FLEETS
 
 ALL_SCHEMAS = {**SCHEMAS, **SCHEMAS_OF_FLEETS}
 

@@ -16,9 +16,8 @@ from heatrun.checks import check_record, mended
 from heatrun.errors import InputError
 from heatrun.fit.fit import fit
 from heatrun.fit.restricted import estimate_loggers
-from heatrun.model.loggers import scale_of
 from heatrun.model.model import Model
-from heatrun.model.noise import Noise, draw
+from heatrun.model.noise import Noise, draw, scale_of
 from heatrun.model.problem import Problem
 from heatrun.motor.file import load_motor, parse_motor
 from heatrun.posterior.posterior import weighted_draws

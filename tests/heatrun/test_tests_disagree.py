@@ -11,7 +11,7 @@ from heatrun.fit.fit import fit
 from heatrun.model.model import Model
 from heatrun.model.model_parameters import parameters
 from heatrun.model.problem import Problem
-from heatrun.posterior import test_to_test as changes
+from heatrun.posterior import fit_checks as changes
 from heatrun.posterior.posterior import weighted_draws
 from heatrun.posterior.predict import predict
 from heatrun.record.motor import ParameterOverride

@@ -122,7 +122,7 @@ STORED = Path(__file__).parents[1] / "stored" / "fit-1.json"
 DISCOVERY = STORED.with_name("discovery-2.json")
 STATES_ENGLISH = (
     "runs/verdict.py", "runs/duties.py", "runs/machine.py", "runs/ratings_figures.py",
-    "runs/budget.py",
+    "runs/figures_of_draws.py",
 )  # fmt: skip
 """Where the sentences are made that a run states in English."""
 
@@ -181,7 +181,7 @@ def test_what_a_run_states_in_english_is_in_the_table(module):
 
 
 SAYS_FINDINGS = (
-    "posterior/fit_checks.py", "posterior/test_to_test.py", "checks/excitation.py",
+    "posterior/fit_checks.py", "checks/excitation.py",
     "effects/found.py", "fit/fit.py",
 )  # fmt: skip
 """Where all sentences of findings are in the table."""

@@ -26,7 +26,7 @@ from lptn.effects import (
 )
 from lptn.effects import build as build_effect
 from lptn.effects.bodies import NeighbourBody
-from lptn.effects.cooling import SpeedCooling
+from lptn.effects.heat_paths import SpeedCooling
 from lptn.effects.sensors import SensorLag
 
 every_effect = pytest.mark.parametrize("kind", EFFECTS, ids=lambda kind: kind.card.id)

@@ -15,7 +15,18 @@ import lptn
 from lptn import EFFECTS, CopperLosses
 from lptn.effects import applies, build, build_all
 from lptn.effects.bodies import EndWindingNode, HousingNode, NeighbourBody, RotorNode, WindingNode
-from lptn.effects.cooling import CoolingStep, FanCooling, SpeedCooling
+from lptn.effects.heat_paths import (
+    AmbientDrift,
+    AmbientRecirculation,
+    ContactDrift,
+    CoolantSink,
+    CoolingStep,
+    FanCooling,
+    InsulationConductivity,
+    NaturalConvection,
+    Radiation,
+    SpeedCooling,
+)
 from lptn.effects.losses import (
     AcCopperLoss,
     BearingFriction,
@@ -28,9 +39,6 @@ from lptn.effects.losses import (
     WindingResistance,
 )
 from lptn.effects.sensors import SensorContact, SensorGain, TimeShift
-from lptn.effects.sinks import AmbientDrift, AmbientRecirculation, CoolantSink
-from lptn.effects.surface import NaturalConvection, Radiation
-from lptn.effects.winding_path import ContactDrift, InsulationConductivity
 from lptn.stepping import heat_balance
 
 TEMPERATURE = {"winding": jnp.asarray(90.0), "stator": jnp.asarray(80.0)}

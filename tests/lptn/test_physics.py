@@ -20,7 +20,6 @@ from lptn import (
     Inputs,
     copper_loss,
     first_order,
-    losses,
 )
 from lptn.stepping import heat_balance, rates
 
@@ -167,7 +166,7 @@ def test_blocks_of_two_seconds_cost_what_jumps_inside_them_must(
 
 
 def test_docstring_examples_hold():
-    results = doctest.testmod(losses)
+    results = doctest.testmod(lptn.network)
     assert results.attempted > 0
     assert results.failed == 0
 

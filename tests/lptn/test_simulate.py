@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 import lptn
 from lptn import CopperLosses, first_order, longest_step, second_order
-from lptn.effects.cooling import SpeedCooling
+from lptn.effects.heat_paths import SpeedCooling
 from lptn.effects.sensors import SensorLag
 
 

@@ -23,8 +23,8 @@ import pandas as pd
 import heatrun
 from heatrun.calibration import Refused
 from heatrun.errors import InputError
+from heatrun.posterior.driven import virtual_record
 from heatrun.posterior.predict import Prediction
-from heatrun.posterior.virtual import virtual_record
 from heatrun.readers.joined import read_test
 
 RATE_HZ = 2.0

@@ -19,9 +19,8 @@ from ..effects.found import Found
 from ..effects.search import gap, plain_noise
 from ..effects.small_effects import SmallEffects
 from ..fit.fit import low_frequency_excess
-from ..model.loggers import scales_of
 from ..model.network_form import WINDING
-from ..model.noise import variance_of_mean
+from ..model.noise import scales_of, variance_of_mean
 from ..results.discovery import VerdictWord
 from ..work import SILENT, Work
 from .localise import Where, localise

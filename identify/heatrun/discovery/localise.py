@@ -21,7 +21,7 @@ from jaxtyping import Array, Float
 from lptn import Inputs, Trace
 from lptn.effects import NodeEffect, SensorEffect
 from lptn.march import heat_effects
-from lptn.sensor import lagged
+from lptn.network import lagged
 from lptn.stepping import heat_balance, rates
 
 from ..effects.engine import Engine, Refit

@@ -32,11 +32,10 @@ from ..io.programs import compiled
 from ..model import noise as noise_module
 from ..model.catalogue import lacking, unplaced
 from ..model.kernels import at_once
-from ..model.loggers import Loggers
 from ..model.model import Model
 from ..model.model_parameters import machine_size
 from ..model.network_form import WINDING
-from ..model.noise import Noise
+from ..model.noise import Loggers, Noise
 from ..model.parameters import EVENT, Parameter, sized
 from ..model.problem import WORST_RESIDUAL, Problem, with_slopes
 from ..record.blocks import Blocks

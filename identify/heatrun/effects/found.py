@@ -9,10 +9,10 @@ import numpy as np
 
 from lptn.effects import AbstractEffect
 
-from ..arithmetic import refuse_wrong_sums
 from ..fit.fit import RIVAL, SAME_OPTIMUM, distinct, finished, sharing
 from ..fit.fit_result import Fit
 from ..fit.restricted import estimate_noise
+from ..io.programs import refuse_wrong_sums
 from ..model.catalogue import all_effects
 from ..model.discrepancy import with_heat
 from ..model.model import Model

@@ -34,8 +34,8 @@ from ..model.draws import PlausibleEffect, PlausibleEffects
 from ..model.noise import from_scores
 from ..model.parameters import EVENT, amplitudes
 from ..model.problem import Problem
+from ..posterior.driven import too_stiff
 from ..posterior.posterior import Posterior
-from ..posterior.starts import too_stiff
 from ..record.record import Finding
 from .engine import Candidate, Engine, Refit, placed
 from .found import with_catalogue

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from lptn.effects.surface import STEFAN_BOLTZMANN
+from lptn.effects.heat_paths import STEFAN_BOLTZMANN
 
 from ..errors import InputError
 from ..version import __version__

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from lptn.effects.surface import STEFAN_BOLTZMANN
+from lptn.effects.heat_paths import STEFAN_BOLTZMANN
 
 from ..version import __version__
 from .c_file import INPUTS, CSource, filled_template, in_comment, links_of

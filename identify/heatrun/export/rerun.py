@@ -57,7 +57,7 @@ class RunAndTest:
         record: The test at its full rate, under its name in the run; `winding_degC` is NaN
             throughout where it was not measured.
         values: Medians of the posterior, or fixed values, by parameter name without the test; the
-            start of a test that was only predicted as `heatrun.posterior.starts` has it.
+            start of a test that was only predicted as `heatrun.posterior.driven` has it.
         is_held_out: Whether the run predicted the test only.
         blocks: The test as it was reduced.
         inputs: Every file that the run was made of, as the manifest names it, and of a new test.

@@ -21,9 +21,8 @@ import optimistix as optx
 from jaxtyping import Array, Bool, Float
 from scipy.special import chdtrc, chdtri
 
-from ..arithmetic import refuse_wrong_sums
 from ..errors import InputError
-from ..io.programs import compiled
+from ..io.programs import compiled, refuse_wrong_sums
 from ..model.discrepancy import no_heat, with_heat
 from ..model.kernels import at_once
 from ..model.noise import Noise, from_scores, noise_parameters

@@ -1,30 +1,34 @@
-"""Draws of parameters and noise, enough to predict any test with.
+"""Draws of parameters and noise, and what a model says of a test for many of them.
 
 In a draw with effects that the network may miss, the network's parameters are where these put them,
 and a prediction needs the effects' shares: the difference that each makes at the most probable
 parameters, scaled with its size in the draw. They are small, and add up.
+
+What it says, its courses, are readings, node temperatures and heat flows, simulated side by side.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
+from lptn import Inputs, Trace
 from lptn.effects import AbstractEffect
 
+from ..io.programs import compiled
 from ..record.blocks import Blocks
 from ..record.motor import Motor
+from ..record.observation import Observation
 from . import noise as noise_module
 from .catalogue import lacking
-from .courses import Courses, courses
-from .loggers import Loggers
 from .model import Model
 from .model_parameters import parameters
-from .noise import Noise
+from .noise import Loggers, Noise
 from .parameters import ParameterSet
 from .problem import NUM_NOISE
 
@@ -243,3 +247,72 @@ def _differences(
     stacked = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     means = courses(extended, stacked, test)
     return jax.tree.map(lambda each: each[0::2] - each[1::2], means)
+
+
+AT_A_TIME = 50
+"""Draws that are simulated side by side; there are as many, or a multiple of them."""
+
+
+class Courses(NamedTuple):
+    """Means over the blocks of a test, draw by draw.
+
+    Attributes:
+        reading: Of the winding, then of each fitted body, in a row [degC], shape (draw, row).
+        nodes: Temperature of each node [degC], shape (draw, block) each.
+        flows: Heat flow by link [W], shape (draw, block) each.
+    """
+
+    reading: Any
+    nodes: dict[str, Any]
+    flows: dict[tuple[str, str], Any]
+
+
+def courses(
+    model: Model, values: Mapping[str, Float[np.ndarray, " draw"]], test: Blocks
+) -> Courses:
+    """Return what a model says of a test.
+
+    Args:
+        model: Network with effects.
+        values: Draws by parameter name [their units].
+        test: A reduced record.
+    """
+    num = len(next(iter(values.values())))
+    whole = {name: np.pad(draws, (0, -num % AT_A_TIME), mode="edge")
+             for name, draws in values.items()}  # fmt: skip
+    padded = test.observation().padded().simulated()
+    found = jax.tree.map(lambda rows: np.asarray(rows)[:num], _courses(model, whole, padded))
+    of_each = jax.tree.map(lambda rows: test.winding.own(rows, axis=1), found._replace(reading=()))
+    return of_each._replace(reading=test.own(found.reading, axis=1))
+
+
+@compiled("model")
+def block_means(
+    model: Model, values: Mapping[str, Float[Any, ""]], test: Observation
+) -> Float[Array, " row"]:
+    """Return the modelled means over the blocks of a test [degC], as `Model.block_means`."""
+    return model.block_means(values, test)
+
+
+@compiled("model")
+def simulated(model: Model, values: Mapping[str, Float[Any, ""]], inputs: Inputs) -> Trace:
+    """Return temperatures, reading, flows and losses at full detail, as `Model.simulate`."""
+    return model.simulate(values, inputs)
+
+
+@compiled("model")
+def _courses(model: Model, values: dict[str, Float[Array, " draw"]], test: Observation) -> Courses:
+    num_steps = test.weight.shape[1]
+
+    def means(course):
+        return course.reshape(-1, num_steps).mean(axis=1)
+
+    def one(values):
+        trace = model.simulate(values, test.inputs)
+        return Courses(
+            reading=model.block_means(values, test),
+            nodes={n: means(0.5 * (T[1:] + T[:-1])) for n, T in trace.temperature.items()},
+            flows={n: means(P) for n, P in trace.flow.items()},
+        )
+
+    return jax.lax.map(one, values, batch_size=AT_A_TIME)

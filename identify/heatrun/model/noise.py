@@ -13,11 +13,14 @@ the mean of as many readings, evenly spaced, as the block holds.
 
 To these joins what the network misses: unmodelled heat (`discrepancy`), whose responses are columns
 $H$ of a low rank, taken out exactly at a cost that is linear in the number of blocks.
+
+Unlike loggers are not of one noise: that of each is told over the one of the first (`Loggers`).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -28,6 +31,7 @@ from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Bool, Float
 
 from ..io.programs import compiled
+from ..record.blocks import Blocks, Logger
 from ..record.motor import HEAT_LIMITS, Adequacy
 from ..record.observation import Observation
 from ..record.samples import BLOCK_S
@@ -378,3 +382,20 @@ def _of_blocks(
 
 def _align(mask: Array, values: Array) -> Array:
     return mask.reshape(mask.shape + (1,) * (values.ndim - 1))
+
+
+Loggers = Mapping[Logger, float]
+"""Noise of each logger over that of the first one [1]; empty where all tests share one noise."""
+
+
+def scale_of(loggers: Loggers, logger: Logger) -> float:
+    """Return the noise of a logger over that of the first one [1].
+
+    One that the fit does not know is taken to be as noisy as the noisiest.
+    """
+    return loggers.get(logger, max(loggers.values(), default=1.0))
+
+
+def scales_of(loggers: Loggers, test: Blocks) -> list[float]:
+    """Return the noise of each sensor of a test over that of the first logger [1]."""
+    return [scale_of(loggers, logger) for logger in test.loggers]

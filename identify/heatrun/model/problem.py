@@ -25,10 +25,9 @@ from ..record.blocks import Blocks
 from ..record.motor import Motor
 from ..record.observation import Observation
 from . import noise as noise_module
-from .loggers import Loggers, scales_of
 from .model import Model
 from .model_parameters import parameters
-from .noise import Noise
+from .noise import Loggers, Noise, scales_of
 from .parameters import Form, ParameterSet
 
 

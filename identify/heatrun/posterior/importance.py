@@ -1,19 +1,27 @@
 """Draws from around the optima of a fit, and their importance weights under the posterior.
 
-The quick posterior follows the model where it bends (`rto.Rto`), weighted by the true density, the
-largest weights smoothed by a Pareto law whose shape is the guard. The ensemble sampler starts from
-cheaper draws of the linear models (`proposal.Proposal`), so that hardly any burn-in is needed; they
-may miss a tail that no guard sees, which the walkers find.
+The quick posterior follows the model where it bends (`rto.Rto`), in rounds around each optimum
+until they are sound, weighted by the true density, the largest weights smoothed by a Pareto law
+whose shape is the guard. The ensemble sampler starts from cheaper draws of the linear models
+(`proposal.Proposal`), so that hardly any burn-in is needed; they may miss a tail that no guard
+sees, which the walkers find.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
 import numpy as np
+from jaxtyping import Bool, Float
+from scipy.special import logsumexp
 
 from ..fit.fit_result import Fit
-from .proposal import Drawn, Proposal
-from .rounds import sample_rto
-from .weighted import Weighted, evaluate, truncated
+from ..model.kernels import Kernels
+from ..model.problem import NUM_NOISE
+from .proposal import Proposal
+from .rto import Drawn, Rto
+from .weighted import AbstractDrawn, Weighted, evaluate, truncated
 
 NUM_ADAPTATIONS = 5
 """Most rounds in which the proposal is moved to the importance samples of the round before; one
@@ -74,5 +82,195 @@ def _followed(fit: Fit, rng: np.random.Generator) -> Weighted | None:
     return sample_rto(fit, Proposal.around(fit, rng).kernels, rng)
 
 
-def _weigh(fit: Fit, proposal: Proposal, drawn: Drawn) -> Weighted:
+def _weigh(fit: Fit, proposal: Proposal, drawn: AbstractDrawn) -> Weighted:
     return Weighted.of(drawn.vectors, evaluate(fit, drawn.vectors), drawn.log_density, proposal)
+
+
+NUM_DRAWS = 256
+"""Draws of a round: the first leads to where the noise is, the others are three times as good."""
+
+LEARNING = 4
+"""Rounds, at most, after each of which the model is linearised anew at the mean of the draws."""
+
+GOOD = 0.1
+"""Effective sample size over draws with which no other place is looked for [1]."""
+
+MOST_ROUNDS = 32
+"""Rounds around an optimum whose draws count, at most."""
+
+
+def sample_rto(fit: Fit, kernels: Kernels, rng: np.random.Generator) -> Weighted | None:
+    """Return importance samples that follow the posterior, as many as make them sound.
+
+    Draws around one optimum do not pass a fold of the model, behind which another optimum may lie.
+    So an optimum that no draw came near is drawn around too, and each draw counts with the mean
+    density of all proposals.
+
+    Args:
+        fit: The optima.
+        kernels: Density of the noise.
+        rng: Of the draws.
+
+    Returns:
+        The draws, or None where they leave out an optimum of the fit.
+
+    Reference: V. Elvira, L. Martino, D. Luengo, M. F. Bugallo, Generalized Multiple Importance
+        Sampling, Statistical Science 34 (2019) 129-155.
+    """
+    around = [_learned(fit, fit.z, kernels, rng)]
+    found = around[0][0].weighted
+    if not np.any(found.weights):
+        return None
+    for number, mode in enumerate(fit.modes):
+        if not covered(fit, found)[number]:
+            around.append(_learned(fit, mode, kernels, rng))
+            found = _pooled(around)
+    for _ in range(MOST_ROUNDS - 1):
+        if found.is_sound or found.is_beyond_hope or not np.any(found.weights):
+            break
+        noise_z = Kernels.over(found.vectors[:, -NUM_NOISE:], truncated(found.weights), rng)
+        for part in around:
+            part.append(_Round.of(part[0].proposal.over(noise_z, rng), rng))
+        found = _pooled(around)
+    return found if np.all(covered(fit, found)) else None
+
+
+def covered(fit: Fit, weighted: Weighted) -> Bool[np.ndarray, " mode"]:
+    """Return whether draws were made around each optimum of a fit.
+
+    Where hardly any are made, one would weigh more than any that was.
+    """
+    optima = np.concatenate([fit.modes, np.tile(fit.noise_z, (len(fit.modes), 1))], axis=1)
+    weight = evaluate(fit, optima) - weighted.proposal.log_density(optima) - weighted.log_evidence
+    return weight < np.log(weighted.weights.size * np.max(weighted.weights))
+
+
+@dataclass(frozen=True)
+class Several:
+    """Proposals around several optima.
+
+    Attributes:
+        parts: One for each.
+        shares: Shares of the draws [1].
+    """
+
+    parts: tuple[Rto, ...]
+    shares: Float[np.ndarray, " part"]
+
+    def draw(self, num: int, rng: np.random.Generator) -> Drawn:
+        """Return draws, those of the parts in an order by chance."""
+        counts = rng.multinomial(num, self.shares)
+        drawn = [part.draw(k, rng) for part, k in zip(self.parts, counts, strict=True) if k]
+        order = rng.permutation(num)
+        vectors = np.concatenate([each.vectors for each in drawn])[order]
+        own = np.concatenate([each.log_density for each in drawn])[order]
+        log_density = np.where(np.isfinite(own), self.log_density(vectors), own)
+        return Drawn(vectors, log_density, np.full(num, np.nan))
+
+    def log_density(self, vectors: Float[np.ndarray, "draw all"]) -> Float[np.ndarray, " draw"]:
+        """Return the log density of vectors from elsewhere [nat]."""
+        return self.mean([part.log_density(vectors) for part in self.parts])
+
+    @property
+    def latest(self) -> Several:
+        """As `Rto.latest`."""
+        return replace(self, parts=tuple(part.latest for part in self.parts))
+
+    def mean(self, log_densities: Sequence[np.ndarray]) -> Float[np.ndarray, " draw"]:
+        """Return the log density of vectors from that of each part [nat]."""
+        rows = np.stack(log_densities) + np.log(self.shares)[:, None]
+        return np.asarray(logsumexp(rows, axis=0))
+
+
+@dataclass(frozen=True)
+class _Round:
+    """Draws from one proposal.
+
+    Attributes:
+        proposal: The proposal.
+        drawn: The draws.
+        weighted: The same with their weights.
+        elsewhere: What `Rto.log_given` says of the draws around other optima, by the place of
+            those [nat]; filled in where it is asked for.
+    """
+
+    proposal: Rto
+    drawn: Drawn
+    weighted: Weighted
+    elsewhere: dict[int, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, proposal: Rto, rng: np.random.Generator) -> _Round:
+        """Draw."""
+        drawn = proposal.draw(NUM_DRAWS, rng)
+        log_posterior = evaluate(proposal.fit, drawn.vectors)
+        return cls(
+            proposal,
+            drawn,
+            Weighted.of(drawn.vectors, log_posterior, drawn.log_density, proposal),
+        )
+
+
+def _learned(
+    fit: Fit, optimum: Float[np.ndarray, " parameter"], kernels: Kernels, rng: np.random.Generator
+) -> list[_Round]:
+    """Return the best of a few rounds around one optimum, each from where the last one leads, as
+    long as that is better.
+    """
+    rounds = [_Round.of(Rto.around(fit, optimum, kernels, rng), rng)]
+    while len(rounds) < LEARNING and rounds[-1].weighted.effective_size < GOOD * NUM_DRAWS:
+        weights = truncated(rounds[-1].weighted.weights)
+        sizes = [each.weighted.effective_size for each in rounds]
+        if not np.any(weights) or sizes[-1] < max(sizes):
+            break
+        vectors = rounds[-1].drawn.vectors
+        noise_z = Kernels.over(vectors[:, -NUM_NOISE:], weights, rng)
+        mean = weights @ vectors[:, :-NUM_NOISE]
+        rounds.append(_Round.of(Rto.around(fit, mean, noise_z, rng), rng))
+    return [max(rounds, key=lambda each: each.weighted.effective_size)]
+
+
+def _pooled(around: Sequence[Sequence[_Round]]) -> Weighted:
+    """Return the draws of rounds around one or several optima, each with the mean density of all
+    proposals.
+    """
+    parts = tuple(_joined(rounds) for rounds in around)
+    counts = np.array([len(rounds) for rounds in around], dtype=float)
+    proposal = parts[0] if len(parts) == 1 else Several(parts, counts / np.sum(counts))
+    rounds = [(place, each) for place, part in enumerate(around) for each in part]
+    densities = []
+    for place, each in rounds:
+        own = _density(parts[place], each)
+        if isinstance(proposal, Several):
+            own = proposal.mean([
+                own if other == place else _density_elsewhere(parts[other], other, each)
+                for other in range(len(parts))
+            ])  # fmt: skip
+        densities.append(own)
+    vectors = np.concatenate([each.drawn.vectors for _, each in rounds])
+    log_posterior = np.concatenate([each.weighted.log_density for _, each in rounds])
+    return Weighted.of(vectors, log_posterior, np.concatenate(densities), proposal)
+
+
+def _joined(rounds: Sequence[_Round]) -> Rto:
+    """Return the proposal of all rounds around one optimum."""
+    noises = tuple(law for each in rounds for law in each.proposal.noises)
+    return replace(rounds[0].proposal, noises=noises)
+
+
+def _density(joined: Rto, own: _Round) -> Float[np.ndarray, " draw"]:
+    """Return the log density of a round's draws by all rounds around its optimum [nat], which share
+    that given the noise.
+    """
+    drawn = own.drawn
+    noise = drawn.vectors[:, -NUM_NOISE:], drawn.restricted
+    return drawn.log_density - own.proposal.log_noise(*noise) + joined.log_noise(*noise)
+
+
+def _density_elsewhere(other: Rto, place: int, drawn: _Round) -> Float[np.ndarray, " draw"]:
+    """Return that of draws by the rounds around another optimum [nat]."""
+    vectors = drawn.drawn.vectors
+    if place not in drawn.elsewhere:
+        drawn.elsewhere[place] = other.log_given(vectors)
+    given, restricted = drawn.elsewhere[place]
+    return given + other.log_noise(vectors[:, -NUM_NOISE:], restricted)

@@ -14,18 +14,16 @@ from jaxtyping import Array, Float, Int
 from ..io.programs import compiled
 from ..model import noise as noise_module
 from ..model.bodies import BodyCourse, body_courses, told_bodies
-from ..model.courses import courses
 from ..model.discrepancy import heat_columns
-from ..model.draws import Draws, PlausibleEffects, of_network
-from ..model.loggers import scales_of
+from ..model.draws import Draws, PlausibleEffects, courses, of_network
 from ..model.model import Model
 from ..model.model_parameters import parameters
-from ..model.noise import Noise
+from ..model.noise import Noise, scales_of
 from ..model.parameters import null_values
 from ..record.blocks import Blocks
 from ..record.observation import Observation
 from ..results.values import Role
-from .starts import refuse_unstable, start_draws
+from .driven import refuse_unstable, start_draws
 
 if TYPE_CHECKING:
     from .posterior import Posterior

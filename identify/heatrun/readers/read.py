@@ -257,7 +257,7 @@ def _reader(data: bytes, where: str, hints: Hints) -> Callable[[bytes, str], Tab
 
         return read_netcdf3
     if data.startswith(b"PAR1"):
-        from .parquet import read_parquet
+        from .stored import read_parquet
 
         return read_parquet
     from .text.reader import read_text

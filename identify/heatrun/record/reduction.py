@@ -28,7 +28,7 @@ LONGEST_STEP_S = 5.0
 MOST_STEPS, LONGEST_OF_DAYS_S = 8_000, 60.0
 """Records of days, sampled every few minutes, have longer steps: as many as these at most [1], of
 at most a minute [s]. A machine that is logged so slowly takes hours, its winding minutes; a network
-with a faster node is refused (`heatrun.posterior.starts`)."""
+with a faster node is refused (`heatrun.posterior.driven`)."""
 
 FEWEST_BLOCKS = 90
 """A short test gets shorter blocks, so that at least this many remain for the noise model."""

@@ -15,10 +15,10 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
-from ..attempts import Attempts
 from ..io.quantities import printed_unit
 from ..io.texts import LANGUAGES, Texts
 from ..io.whole_files import whole
+from ..record.findings import Attempts
 
 COLOURS = {"first": "#D55E00", "second": "#0072B2", "measured": "#222222"}
 NODES = ("#009E73", "#E69F00", "#56B4E9", "#CC79A7")

@@ -13,16 +13,16 @@ import pandas as pd
 import tomli_w
 from matplotlib.figure import Figure
 
-from ..attempts import OUTPUT_FAILED, Attempts, new_findings
 from ..errors import InputError
 from ..io.texts import LANGUAGES, Texts
 from ..io.whole_files import is_other, refuse_replacing, together, writable, write_whole
 from ..motor.certificate import load_meta
+from ..record.findings import OUTPUT_FAILED, Attempts, new_findings
 from ..record.motor import LIMIT_DEGC, Certificate, Instrument
 from ..results import FitResult, to_json
+from ..runs.netcdf import by_name
 from ..runs.run import CERTIFICATE, Run, certificate_of, open_run
 from ..runs.run_folder import MANIFEST, RunFolder, listed_anew
-from ..runs.stored_draws import by_name
 from ..runs.verdict import favoured, judged
 from .content import sheet_content
 from .dcc import dcc_text

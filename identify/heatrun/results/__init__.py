@@ -5,7 +5,7 @@ Reading, writing and the schemas all follow from these types: `to_json` writes a
 """
 
 from .discovery import DiscoveryResult as DiscoveryResult
-from .json_text import from_json as from_json
-from .json_text import to_json as to_json
-from .json_text import to_plain as to_plain
 from .model import FitResult as FitResult
+from .values import from_json as from_json
+from .values import to_json as to_json
+from .values import to_plain as to_plain

@@ -24,9 +24,9 @@ from ..io.quantities import percent, rounded
 from ..model.parameters import EXTRA_NODE
 from ..results.model import AT_REST, LOADED, DerivedFigure
 from ..results.values import Interval, Probability, known
-from .draw_values import DrawValues, alone, with_effects
 from .duties import at_limit, limits_of, within_rise
-from .machine import RAD_PER_S, SAME_LOAD, Machine, Tested, figure, machines, steady_rise
+from .figures_of_draws import DrawValues, alone, figure, steady_rise, with_effects
+from .machine import RAD_PER_S, SAME_LOAD, Machine, Tested, machines
 from .ratings_figures import names_of_times, rates, resistances
 from .run import Run
 from .verdict import favoured, headline

@@ -21,18 +21,8 @@ from ..model.model import Model
 from ..record.motor import LIMIT_DEGC, Motor
 from ..results.model import DerivedFigure
 from ..results.values import known, number
-from .draw_values import DrawValues
-from .machine import (
-    RAD_PER_S,
-    WARM,
-    Machine,
-    Tested,
-    extrapolated,
-    figure,
-    fixed_losses,
-    refused,
-    steady_rise,
-)
+from .figures_of_draws import DrawValues, extrapolated, figure, refused, steady_rise
+from .machine import RAD_PER_S, WARM, Machine, Tested, fixed_losses
 from .stated_duty import Duty, Phase
 
 NUM_DRAWS = 300

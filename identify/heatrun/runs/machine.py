@@ -4,12 +4,13 @@ The other losses P_ol are held at what they were in the loaded part of the tests
 balance says nothing about loads that were not run; the copper loss follows current and
 temperature. All physics is that of `lptn`, for any network with any effects.
 
-What the tests have seen comes first, a figure of its draws, or its refusal, at the end.
+What the tests have seen comes first; where the network comes to rest under the load that a test was
+stopped at, at the end.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -19,17 +20,18 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from lptn import CopperLosses, Drive, Network, heat_input, steady_current, steady_state, time_to
+from lptn.constant_drive import SteadyCurrent
 from lptn.effects import AbstractEffect
-from lptn.steady_state import SteadyCurrent
+from lptn.inputs import SIGNALS
 
 from ..io.programs import compiled
 from ..io.quantities import rounded
 from ..model.bodies import corrected_losses
-from ..model.draws import PlausibleEffects, of_network
 from ..model.model import Model, Values
+from ..posterior.predict import Prediction
 from ..record.blocks import Blocks
-from ..results.model import DerivedFigure, TestedLoad
-from ..results.values import known
+from ..results.model import TestedLoad
+from .equilibrium import Stretch
 
 REACH = 1.2
 """A current may lie this much above the largest one tested [1] before a figure is extrapolated."""
@@ -43,9 +45,6 @@ REACH_K = 15.0
 SAME_LOAD = 0.1
 """Relative difference of speed or flow up to which a resistance that no effect lets follow it is
 one quantity [1]: with the power 0.8 of a turbulent flow it changes by 8 %."""
-
-WIDEST = 2.0
-"""Upper over lower end of the 95 % interval of a figure beyond the tested range, at most [1]."""
 
 
 @dataclass(frozen=True)
@@ -404,62 +403,84 @@ def other_losses(
     return guess - value / slope
 
 
-def figure(
-    draws: np.ndarray, unit: str, condition: str, plausible: PlausibleEffects | None = None
-) -> DerivedFigure:
-    """Return median, standard deviation and 95 % interval of draws, some of which may be inf.
+NUM_DRAWS = 200
+"""Draws behind the limits: they are good to an eighth of a standard deviation."""
+
+
+@dataclass(frozen=True)
+class SteadyNetwork:
+    """The steady state of a network under the mean load of the last part of a stretch.
+
+    Attributes:
+        median_degC: Temperature by node [degC].
+        limits_degC: Its 95 % limits by node [degC].
+        rise_K: Rise of the measured node over the sink [K], median and 95 % limits.
+        from_s: First moment of the load that it is told for [s].
+        to_s: Last one [s].
+    """
+
+    median_degC: Mapping[str, float]
+    limits_degC: Mapping[str, tuple[float, float]]
+    rise_K: tuple[float, float, float]
+    from_s: float
+    to_s: float
+
+
+def steady_of_network(found: Prediction, stretch: Stretch) -> SteadyNetwork | None:
+    """Return the steady state of a predicted network, None where it has none.
+
+    Current, speed, sink and the losses outside the copper are held at their means over the last
+    third of the stretch; the copper loss follows its temperature.
 
     Args:
-        draws: Shape (draw,) [unit].
-        unit: Their unit.
-        condition: What they hold under.
-        plausible: Effects behind them, where the median is to be of the network alone.
+        found: The test, as the run predicts it.
+        stretch: Of constant load, on the record's clock.
     """
-    stated = of_network(plausible, draws)
-    finite = np.where(np.isfinite(draws), draws, np.nan)
-    if np.mean(np.isfinite(draws)) < 0.975:
-        low = np.nanquantile(finite, 0.025) if np.any(np.isfinite(draws)) else np.nan
-        return DerivedFigure(
-            value=float(np.median(stated)),
-            unit=unit,
-            sd=float("nan"),
-            interval_95=(float(low), float("inf")),
-            condition=condition,
-        )
-    low, high = np.nanquantile(finite, [0.025, 0.975])
-    return DerivedFigure(
-        value=float(np.nanmedian(np.where(np.isfinite(stated), stated, np.nan))),
-        unit=unit,
-        sd=float(np.nanstd(finite)),
-        interval_95=(float(low), float(high)),
-        condition=condition,
+    from_s = stretch.to_s - stretch.length_s / 3.0
+    inputs = found.test.inputs
+    ends = np.cumsum(np.broadcast_to(inputs.step, inputs.num_time))
+    clock = ends - 0.5 * np.asarray(inputs.step) + found.test.first_s
+    late = (clock >= from_s) & (clock <= stretch.to_s)
+    read = found.test.is_observed & (found.time_s >= from_s) & (found.time_s <= stretch.to_s)
+    if not late.any() or not read.any():
+        return None
+    means = {
+        name: float(np.mean(np.asarray(values)[late]))
+        for name in SIGNALS
+        if (values := getattr(inputs, name)) is not None
+    }
+    held = Drive.constant(
+        **means, time=float(np.mean(clock[late] - found.test.first_s)),
+        rated_speed=inputs.rated_speed, rated_current=inputs.rated_current,
+    )  # fmt: skip
+    winding = np.asarray(np.mean(found.test.measured[read]))
+    values = {n: np.asarray(draws[:NUM_DRAWS]) for n, draws in found.values.items()}
+    draws = _rest(found.model, values, held, winding)
+    nodes = {node: np.asarray(each) for node, each in draws.items()}
+    if not all(np.isfinite(each).all() for each in nodes.values()):
+        return None
+    shares = (0.5, 0.025, 0.975)
+    middle, low, high = np.quantile(nodes[found.model.form.copper] - float(held.ambient), shares)
+    limits = {n: np.quantile(draws, shares[1:]) for n, draws in nodes.items()}
+    return SteadyNetwork(
+        {n: float(np.median(draws)) for n, draws in nodes.items()},
+        {n: (float(low), float(high)) for n, (low, high) in limits.items()},
+        (float(middle), float(low), float(high)),
+        from_s,
+        stretch.to_s,
     )
 
 
-def refused(reason: str) -> DerivedFigure:
-    """Return what stands where a figure is refused."""
-    return DerivedFigure(refused=reason)
+@compiled("model", is_seldom=True)
+def _rest(
+    model: Model, values: dict[str, Float[Any, " draw"]], held: Drive, winding: Float[Any, ""]
+) -> dict[str, jax.Array]:
+    """Return the steady state of each draw [degC]."""
 
+    def rest(one: dict[str, jax.Array]) -> dict[str, jax.Array]:
+        network, losses, effects = model.network(one), model.losses(one), model.built_effects(one)
+        other = other_losses(network, losses, held, winding, effects)
+        load = replace(held, losses=other)
+        return steady_state(network, fixed_losses(losses), load, effects=effects)
 
-def extrapolated(entry: DerivedFigure, short: str, slack: float = 0.0) -> DerivedFigure:
-    """Return a figure that says that it lies beyond the tested range, refused where its interval
-    says nothing.
-
-    Args:
-        entry: The figure.
-        short: From `Tested.short_of`.
-        slack: What the upper end may lie above `WIDEST` times the lower one, which may then be 0.
-    """
-    if not short or known(entry.refused):
-        return entry
-    low, high = entry.ends
-    if not (low > 0.0 or slack > 0.0) or not low <= high <= WIDEST * low + slack:
-        return refused(f"the tests do not tell, {short}")
-    word = "" if ", extrapolated, " in str(entry.condition) else "extrapolated, "
-    return replace(entry, condition=f"{entry.condition}, {word}{short}")
-
-
-def steady_rise(draws: np.ndarray, condition: str, seen: Tested) -> DerivedFigure:
-    """Return a steady rise [K]."""
-    entry = figure(draws, "K", condition)
-    return extrapolated(entry, seen.short_of(degC=seen.sink_degC + entry.median))
+    return jax.vmap(rest)(values)

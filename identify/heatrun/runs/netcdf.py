@@ -1,4 +1,7 @@
-"""Draws to the groups of ArviZ with units, to NetCDF and back, and to ArviZ, 0.23 and 1.x.
+"""The draws of a run as they lie in its files, NetCDF with units in the groups of ArviZ.
+
+They are read as arrays without what made them: xarray reads the same, in ten times the time that it
+takes to load h5py. They are written by xarray, and handed to ArviZ, 0.23 and 1.x.
 
 With them go log densities of the draws, for prior sensitivity and leave-one-out cross-validation.
 `arviz.loo(run.idata, var_name="winding")` predicts windows of some minutes that are left out, and
@@ -13,18 +16,96 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
 
 from ..io.whole_files import stated_moment, write_whole
-from ..model.discrepancy import left_out, windows
 from ..model.network_form import WINDING
-from ..model.noise import NOISE, noise_parameters
-from ..posterior.posterior import Posterior
+from ..model.parameters import ParameterSet
 from ..record.channels import body_name
-from .stored_draws import SIZE
+from ..record.motor import Adequacy
+
+if TYPE_CHECKING:
+    from ..model.draws import PlausibleEffect, PlausibleEffects
+    from ..posterior.posterior import Posterior
+
+Groups = Mapping[str, Mapping[str, np.ndarray]]
+"""Arrays by group and name, those of draws of shape (chain, draw) or (chain, draw, test)."""
+
+ABSENT = -12.0
+"""Score of unmodelled heat in a run that was made before there was any: nothing of the loss."""
+
+SIZE = "maybe_missing_size"
+"""Name of the sizes of the effects behind each draw."""
+
+
+def groups_of(data: bytes) -> Groups:
+    """Return the draws and what belongs to each of them, from the bytes of a NetCDF file."""
+    import h5py
+
+    with h5py.File(io.BytesIO(data)) as file:
+        return {
+            group: {name: np.asarray(each) for name, each in held.items()}
+            for group, held in file.items()
+            if group in ("posterior", "sample_stats") and isinstance(held, h5py.Group)
+        }
+
+
+def by_name(groups: Groups) -> dict[str, np.ndarray]:
+    """Return the draws of what was free by the name of its slot [their units], shape (draw,)."""
+    group = groups["posterior"]
+    found = {name: each.ravel() for name, each in group.items() if each.ndim == 2}
+    for name, each in group.items():
+        if each.ndim == 3:
+            tests = group.get(f"test_of_{name}", group.get("test", np.array([])))
+            for place, test in enumerate(tests):
+                found[f"{name}[{test.decode()}]"] = each[..., place].ravel()
+    return found
+
+
+def vectors(
+    groups: Groups, parameters: ParameterSet, adequacy: Adequacy
+) -> Float[np.ndarray, "chain draw all"]:
+    """Return the scores of parameters and noise of the draws in the groups of a run.
+
+    Args:
+        groups: From `groups_of`.
+        parameters: What stands in which place.
+        adequacy: Prior of the heat.
+    """
+    group = groups["posterior"]
+    from ..model.noise import NOISE, noise_parameters
+
+    columns = []
+    for slot in parameters.slots:
+        values = np.asarray(group[slot.parameter.name], dtype=float)
+        if slot.test is not None:
+            held = [s.name for s in parameters.slots if s.parameter.name == slot.parameter.name]
+            values = values[..., held.index(slot.name)]
+        columns.append(slot.parameter.score(values))
+    for parameter in noise_parameters(adequacy):
+        if parameter.name in group:
+            columns.append(parameter.score(np.asarray(group[parameter.name], dtype=float)))
+        else:  # runs of old have no unmodelled heat
+            columns.append(np.full(np.shape(group[NOISE[0].name]), ABSENT))
+    return np.stack(columns, axis=-1)
+
+
+def plausible(groups: Groups, effects: tuple[PlausibleEffect, ...]) -> PlausibleEffects | None:
+    """Return the effects behind the draws of a run, None where there are none.
+
+    Args:
+        groups: From `groups_of`.
+        effects: As they stand in the result.
+    """
+    if not effects:
+        return None
+    from ..model.draws import PlausibleEffects
+
+    size = np.asarray(groups["sample_stats"][SIZE], dtype=float)
+    return PlausibleEffects(effects, size.reshape(-1, len(effects)))
 
 
 def groups(posterior: Posterior, found: Densities | None = None) -> Any:
@@ -41,6 +122,8 @@ def groups(posterior: Posterior, found: Densities | None = None) -> Any:
         posterior: The draws.
         found: From `densities`, which takes seconds; None for no `log_prior` and `log_likelihood`.
     """
+    from ..model.noise import noise_parameters
+
     tests = posterior.fit.problem.tests
     names = [test.name for test in tests]
     of_noise = noise_parameters(posterior.fit.problem.model.adequacy)
@@ -135,6 +218,8 @@ def _variables(
     posterior: Posterior, columns: Sequence[np.ndarray], tests: Sequence[str]
 ) -> tuple[dict[str, np.ndarray], dict[str, list[str]], dict[str, list[str]]]:
     """Return columns, one for each slot and each of the noise, with dimensions and coordinates."""
+    from ..model.noise import NOISE
+
     slots = posterior.fit.slots
     values = dict(zip((s.name for s in slots), columns[: len(slots)], strict=True))
     variables: dict[str, np.ndarray] = {}
@@ -156,6 +241,8 @@ def _variables(
 
 
 def _label(data: Any, posterior: Posterior) -> None:
+    from ..model.noise import NOISE
+
     units = {s.parameter.name: s.parameter for s in posterior.fit.slots}
     units |= {parameter.name: parameter for parameter in NOISE}
     group = data["posterior"]
@@ -215,6 +302,8 @@ def densities(posterior: Posterior) -> Densities:
 
     Where it is averaged over effects that the network may miss, of the draws of the network alone.
     """
+    from ..model.discrepancy import left_out, windows
+
     posterior = posterior.alone or posterior
     problem = posterior.fit.problem
     cut = windows(problem)

@@ -23,7 +23,6 @@ from lptn.effects import AbstractEffect
 from ..errors import InputError
 from ..results.model import DerivedFigure
 from ..results.values import known
-from .draw_values import DrawValues, alone, with_effects
 from .duties import (
     NO_CLASS,
     NO_CURRENT,
@@ -32,7 +31,8 @@ from .duties import (
     continuous,
     limits_of,
 )
-from .machine import RAD_PER_S, SAME_LOAD, Machine, Tested, extrapolated, machines
+from .figures_of_draws import DrawValues, alone, extrapolated, with_effects
+from .machine import RAD_PER_S, SAME_LOAD, Machine, Tested, machines
 from .ratings_figures import rates, rating
 from .run import Run
 from .stated_duty import Stated

@@ -33,8 +33,6 @@ from ..model.model import Model
 from ..posterior.posterior import Posterior
 from ..results.model import AT_REST, LOADED, DerivedFigure
 from ..results.values import known
-from .budget import Budget
-from .draw_values import DrawValues, alone, with_effects
 from .duties import (
     Limit,
     Rated,
@@ -46,18 +44,17 @@ from .duties import (
     simulated,
     within_rise,
 )
-from .machine import (
-    Tested,
-    UnderLoad,
+from .figures_of_draws import (
+    Budget,
+    DrawValues,
+    alone,
     extrapolated,
     figure,
-    fixed_losses,
-    machines,
     refused,
     steady_rise,
-    tested,
-    under_load,
+    with_effects,
 )
+from .machine import Tested, UnderLoad, fixed_losses, machines, tested, under_load
 from .stated_duty import STANDING, Duty, Phase, Stated, other_nodes, parse_rating, phase_words
 
 

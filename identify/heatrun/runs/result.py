@@ -13,7 +13,6 @@ from msgspec import UNSET, UnsetType
 
 from lptn.effects import AbstractEffect
 
-from ..attempts import Attempts
 from ..fit.fit_result import Fit
 from ..model.noise import noise_parameters
 from ..model.parameters import Parameter, Slot, qualified
@@ -24,6 +23,7 @@ from ..posterior.predict import Prediction, score_difference
 from ..posterior.weighted import evaluate
 from ..readers.mapping import describe_mapping
 from ..record.blocks import Blocks
+from ..record.findings import Attempts
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.samples import is_loaded, samples, with_all_heat
@@ -48,12 +48,11 @@ from ..results.model import (
 )
 from ..results.values import Interval, Part, Role, known
 from ..version import __version__
-from .budget import UNDECIDED, Budget, budget_of
 from .equilibrium import SteadyRise, Stretch, equilibria
-from .machine import tested
+from .figures_of_draws import UNDECIDED, Budget, budget_of
+from .machine import steady_of_network, tested
 from .ratings_figures import derive
 from .replica import replica
-from .steady_of_network import steady_of_network
 
 T = TypeVar("T")
 

@@ -19,7 +19,6 @@ import pandas as pd
 from ..errors import InputError
 from ..io.toml_text import parse_toml
 from ..model.catalogue import effects_named
-from ..model.loggers import Loggers
 from ..model.model import Model
 from ..model.network_text import network_of, network_text
 from ..model.parameters import Parameter, ParameterSet, collect
@@ -32,11 +31,12 @@ from ..record.record import Finding, Record
 from ..results import DiscoveryResult, FitResult, from_json
 from ..results.model import DescribedTest
 from ..results.values import Role, known
-from . import stored_draws
+from . import netcdf
 from .run_folder import MANIFEST, SourceFile, as_named, found_from, read_listed, refuse_changed
 
 if TYPE_CHECKING:  # what computes with a run is loaded when it does
     from ..model.draws import Draws, PlausibleEffect
+    from ..model.noise import Loggers
     from ..posterior.predict import Prediction
 
 FORMAT = "heatrun-model/1"
@@ -290,22 +290,18 @@ class Run:
 
     def posterior(self, network: str | None = None) -> Any:
         """Return the draws of a network as an xarray `DataTree`, groups as in `idata`."""
-        from . import netcdf
-
         name = draws_name(self.choose(network))
         return _whole(self, name, lambda: netcdf.from_bytes(self.file(name)))
 
     @property
     def idata(self) -> Any:
         """The draws of the last network as ArviZ knows them."""
-        from . import netcdf
-
         return netcdf.as_arviz(self.posterior())
 
-    def arrays(self, network: str | None = None) -> stored_draws.Groups:
+    def arrays(self, network: str | None = None) -> netcdf.Groups:
         """Return the draws of a network as arrays, as they are stored."""
         name = draws_name(self.choose(network))
-        return _whole(self, name, lambda: stored_draws.groups_of(self.file(name)))
+        return _whole(self, name, lambda: netcdf.groups_of(self.file(name)))
 
     def draws(self, network: str | None = None) -> Draws:
         """Return the draws of a network with all that gives them a meaning."""
@@ -315,12 +311,10 @@ class Run:
         groups = self.arrays(network)
         name = draws_name(self.choose(network))
         adequacy = found.model.adequacy
-        vectors = _whole(
-            self, name, lambda: stored_draws.vectors(groups, found.parameters, adequacy)
-        )
+        vectors = _whole(self, name, lambda: netcdf.vectors(groups, found.parameters, adequacy))
         flat = vectors.reshape(-1, vectors.shape[-1])
         effects = self._maybe_missing(self.choose(network))
-        behind = _whole(self, name, lambda: stored_draws.plausible(groups, effects))
+        behind = _whole(self, name, lambda: netcdf.plausible(groups, effects))
         loggers = self._loggers(self.choose(network))
         return Draws(found.model, self.motor, found.parameters, flat, behind, loggers)
 
@@ -393,8 +387,8 @@ class Run:
             InputError: If the run or the file cannot be read, a channel is missing, or the model
                 leaves the temperatures at which there is a machine.
         """
+        from ..posterior.driven import reduce_driven, refuse_runaway
         from ..posterior.predict import NUM_DRAWS, predict
-        from ..posterior.virtual import reduce_driven, refuse_runaway
 
         motor = replace(motor or self.motor, scales=self.motor.scales)
         record = test if isinstance(test, Record) else read_test(Path(test), motor)
@@ -418,9 +412,9 @@ class Run:
         """Return the record of a virtual prototype driven by a test; arguments as `predict`.
 
         Returns:
-            As `heatrun.posterior.virtual.virtual_record`.
+            As `heatrun.posterior.driven.virtual_record`.
         """
-        from ..posterior.virtual import virtual_record
+        from ..posterior.driven import virtual_record
 
         motor = motor or self.motor
         record = test if isinstance(test, Record) else read_test(Path(test), motor)

@@ -38,7 +38,7 @@ from ..io.whole_files import (
 from ..record.motor import Motor
 from ..record.record import Record
 from ..record.stretch import split_stretch
-from ..results.json_text import to_json
+from ..results.values import to_json
 
 
 @dataclass(frozen=True)

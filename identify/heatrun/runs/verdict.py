@@ -6,10 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ..attempts import FAILED
 from ..checks.suitability import SIMULATED, doubts
 from ..io.quantities import clean, rounded
-from ..record.findings import ORDER, with_doubt
+from ..record.findings import FAILED, ORDER, with_doubt
 from ..record.record import Finding
 from ..results import FitResult
 from ..results.model import FittedModel, FittedParameter, UseVerdict

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..attempts import OUTPUT_FAILED, Attempts
 from ..io.whole_files import write_whole
 from ..posterior.posterior import Posterior
 from ..posterior.predict import Prediction
+from ..record.findings import OUTPUT_FAILED, Attempts
 from ..record.motor import Adequacy, Motor, PartsOfTest, ShutDown
 from ..results import FitResult, from_json, to_json
 from . import netcdf

@@ -18,7 +18,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from heatrun.arithmetic import refuse_wrong_sums
 from heatrun.fit.fit import (
     DISTINCT,
     NUM_STARTS,
@@ -33,12 +32,12 @@ from heatrun.fit.fit import (
 )
 from heatrun.fit.fit_result import RESULT, Fit
 from heatrun.fit.restricted import laplace
-from heatrun.io.programs import compiled
+from heatrun.io.programs import compiled, refuse_wrong_sums
 from heatrun.model.discrepancy import num_knots
 from heatrun.model.noise import Noise, from_scores
 from heatrun.model.parameters import Parameter
 from heatrun.model.problem import Problem, Structure
-from heatrun.posterior.starts import STABLE
+from heatrun.posterior.driven import STABLE
 from heatrun.record.blocks import Blocks
 
 from .march import Group, Machines

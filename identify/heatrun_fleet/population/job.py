@@ -21,7 +21,7 @@ from heatrun.results import to_json, to_plain
 from heatrun.runs.run import Run, open_run
 
 from ..job import FleetResult
-from ..results.population import PopulationNoise, PopulationParameter, PopulationResult
+from ..results import PopulationNoise, PopulationParameter, PopulationResult
 from .gathered import FEWEST, Design, Gathered, designed, given_columns
 from .of_fleet import FleetRows, gathered_of_fleet, gathered_of_runs, is_fleet, read_fleet
 from .report import NOISE_SPREAD, default_hyperprior, noise_result, population_result

@@ -11,7 +11,7 @@ from msgspec import UNSET, UnsetType
 from heatrun.results.discovery import ValueWithInterval
 from heatrun.version import __version__
 
-from ..results.population import (
+from ..results import (
     POPULATION_FORMAT,
     Assumed,
     MachineLeftOut,

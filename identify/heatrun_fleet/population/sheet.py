@@ -22,7 +22,7 @@ from heatrun.reports.pdf import typeset
 from heatrun.reports.printed import format_value
 from heatrun.results.discovery import ValueWithInterval
 
-from ..results.population import (
+from ..results import (
     Assumed,
     PopulationCovariate,
     PopulationMachine,

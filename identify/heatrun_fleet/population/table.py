@@ -11,7 +11,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-from ..results.population import PopulationMachine, PopulationResult
+from ..results import PopulationMachine, PopulationResult
 from ..rows import LIST, Column, arrow, arrow_schema
 
 FORMAT = "heatrun-population-rows/2"

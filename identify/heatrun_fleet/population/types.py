@@ -15,7 +15,7 @@ from heatrun.results import to_plain
 from heatrun.results.discovery import ValueWithInterval
 from heatrun.runs.run_folder import refuse_unwritable
 
-from ..results.population import PopulationNoise, PopulationParameter, PopulationResult
+from ..results import PopulationNoise, PopulationParameter, PopulationResult
 from .job import is_same, pooled, write_population
 from .of_fleet import FleetRows, gathered_of_fleet
 

@@ -10,10 +10,10 @@ from heatrun.errors import InputError
 from heatrun.results import from_json
 from heatrun.version import __version__
 
-from ..results import FleetDiscoveryResult
-from ..results.fleet_discovery import (
+from ..results import (
+    FleetDiscoveryResult,
     FleetVerdict,
-    MachineLeftOut,
+    LeftOutOfDiscovery,
     SharedEffect,
     TypeDiscovery,
 )
@@ -84,7 +84,7 @@ class _Type:
         self.machines: list[str] = []
         self.evidence: list[Evidence] = []
         self.thermal: set[str] = set()
-        self.left_out: list[MachineLeftOut] = []
+        self.left_out: list[LeftOutOfDiscovery] = []
 
     def add(self, row: Mapping[str, Any]) -> None:
         evidence = evidence_in(row) if row["status"] == "fitted" else None
@@ -96,7 +96,7 @@ class _Type:
         elif evidence is None:
             reason = "no effect could be told from its tests"
         if reason or evidence is None:
-            self.left_out.append(MachineLeftOut(machine=row["machine"], reason=reason))
+            self.left_out.append(LeftOutOfDiscovery(machine=row["machine"], reason=reason))
             return
         self.machines.append(row["machine"])
         self.evidence.append(evidence)
@@ -120,7 +120,7 @@ def discover_type(
     machines: Sequence[str],
     evidence: Sequence[Evidence],
     thermal: set[str],
-    left_out: Sequence[MachineLeftOut] = (),
+    left_out: Sequence[LeftOutOfDiscovery] = (),
     *,
     level: float = LEVEL,
     seed: int = 0,

@@ -20,7 +20,7 @@ from heatrun.model.parameters import effect_parameters
 from heatrun.results.discovery import ValueWithInterval
 from lptn.effects import AbstractEffect, Quantity
 
-from ..results.fleet_discovery import (
+from ..results import (
     FleetDiscoveryResult,
     InstrumentRival,
     ScreenedEffect,

@@ -13,12 +13,12 @@ from heatrun.record.record import Finding, Record
 from heatrun.record.samples import has
 from heatrun.runs.equilibrium import Equilibrium, equilibria
 
-from ..bench_test_types import NOT_OF_THE_MACHINE
+from ..report import NOT_OF_THE_MACHINE
 from ..simulated import Simulated, simulate_run
 from .drive import LossSplit, split_losses
 
 if TYPE_CHECKING:
-    from heatrun.runs.steady_of_network import SteadyNetwork
+    from heatrun.runs.machine import SteadyNetwork
 
 
 @dataclass(frozen=True)
@@ -109,6 +109,6 @@ def _steady(simulated: Simulated | None, settled: tuple[Equilibrium, ...]) -> St
     last = of_winding[-1]
     if last.is_reached is True or not last.is_held or last.stretch is None:
         return None
-    from heatrun.runs.steady_of_network import steady_of_network
+    from heatrun.runs.machine import steady_of_network
 
     return steady_of_network(simulated.prediction, last.stretch)

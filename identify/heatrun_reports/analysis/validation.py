@@ -19,7 +19,7 @@ from heatrun.record.motor import Motor
 from heatrun.record.record import Finding, Record
 from heatrun.record.samples import median_step, rounding_step, samples, sink_channel
 
-from ..bench_test_types import NOT_OF_THE_MACHINE
+from ..report import NOT_OF_THE_MACHINE
 from ..simulated import Limits, Reference, bands_on_axis
 from .drive import DC, TERMINALS, bridged_steps, electrical_power, integrate, with_powers
 from .general_information import FIGURES, J_PER_KWH, NEEDS, general_information

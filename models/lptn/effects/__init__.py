@@ -1,4 +1,4 @@
-"""The catalogue of physical effects: one small file each, listed in `EFFECTS`."""
+"""The catalogue of physical effects: a file for each family, listed in `EFFECTS`."""
 
 from .base import (
     AbstractEffect,
@@ -16,7 +16,18 @@ from .base import (
     require,
 )
 from .bodies import EndWindingNode, HousingNode, NeighbourBody, RotorNode, WindingNode
-from .cooling import CoolingStep, FanCooling, SpeedCooling
+from .heat_paths import (
+    AmbientDrift,
+    AmbientRecirculation,
+    ContactDrift,
+    CoolantSink,
+    CoolingStep,
+    FanCooling,
+    InsulationConductivity,
+    NaturalConvection,
+    Radiation,
+    SpeedCooling,
+)
 from .losses import (
     AcCopperLoss,
     BearingFriction,
@@ -29,9 +40,6 @@ from .losses import (
     WindingResistance,
 )
 from .sensors import SensorContact, SensorGain, SensorLag, TimeShift
-from .sinks import AmbientDrift, AmbientRecirculation, CoolantSink
-from .surface import NaturalConvection, Radiation
-from .winding_path import ContactDrift, InsulationConductivity
 
 EFFECTS: tuple[type[AbstractEffect], ...] = (
     Radiation,

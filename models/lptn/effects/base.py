@@ -17,8 +17,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..inputs import Drive, Inputs
-from ..losses import CopperLosses
-from ..network import Link, Network
+from ..network import CopperLosses, Link, Network
 
 
 class Quantity(NamedTuple):

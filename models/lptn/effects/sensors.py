@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..inputs import Inputs
-from ..sensor import lagged
+from ..network import lagged
 from .base import EffectCard, Quantity, SensorEffect
 
 

@@ -23,11 +23,12 @@ from ...record.table import PREAMBLE, Column, Question, Stated, Table, kind_of_f
 from ...record.units import find_unit, is_unit
 from ..clock import TimeFormat, parse_time_format, stated_format
 from .by_tag import by_clock, by_tag
-from .encoding import CODECS, decode
 from .layout import DELIMITERS, Layout, find_layout
 from .lines import (
+    CODECS,
     DataLines,
     data_lines,
+    decode,
     ragged_lines,
     restarted,
 )
