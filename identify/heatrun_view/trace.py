@@ -27,7 +27,7 @@ from tsdownsample import MinMaxLTTBDownsampler
 
 from heatrun.io.quantities import printed_unit
 from heatrun.record.channels import CHANNEL, CHANNELS
-from heatrun_reports.bench_test_types import NOT_OF_THE_MACHINE
+from heatrun_reports.report import NOT_OF_THE_MACHINE
 
 from .look import DASHES, INK, Look
 from .words import message

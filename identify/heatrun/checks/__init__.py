@@ -283,6 +283,8 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
 def _without_open(record: Record, channel: str) -> Record:
     """Return a record without what an open circuit reads: a sink goes straight over it."""
     spans = open_spans(record, channel)
+    if channel not in record or not spans:  # done already
+        return record
     if channel == "winding_degC":
         return mask(record, [*record.masks, *spans], "")
     rest = {name: column for name, column in record.channels.items() if name != channel}

@@ -256,7 +256,8 @@ def sensor_stuck(record: Record, _: Motor, looked: Looked) -> Iterator[Finding]:
 def _stuck_beside(record: Record) -> Iterator[Finding]:
     """Yield the longest stretch in which a temperature beside the winding's stands still."""
     for channel in (*BODIES, "ambient_degC", "coolant_degC"):
-        held = _longest_held(*samples(record, channel))
+        time_s, values = samples(record, channel)
+        held = _longest_held(time_s, values)
         if held is None:
             continue
         from_s, to_s, reading = held

@@ -82,8 +82,10 @@ def load_late(record: Record, motor: Motor) -> Iterator[Finding]:
         fit = quick_fit(move_load(record, -late_s, ""), motor, most_blocks=BLOCKS)
         return MAX_RESIDUAL_SHARE * swing_K if fit is None else fit.rms_K
 
-    offsets = [late_s for late_s in LATE_S if late_s < PART * record.duration_s]
-    if not (offsets and swing_K):
+    if not swing_K:
+        return
+    offsets = [late_s for late_s in LATE_S if late_s < PART * float(np.ptp(time_s))]
+    if not offsets:
         return
     tried = {0.0: misfit_K(0.0)}
     if tried[0.0] < max(LEAST_K, LEAST_SHARE * swing_K):
