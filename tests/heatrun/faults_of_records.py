@@ -401,6 +401,9 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
     "no power under current": (
         "load_stuck", edited(CLEAN, "losses_W", 1000.0, 1060.0, 0.0), MOTOR, "error"
     ),
+    "power held for half a minute": (
+        "load_stuck", edited(CLEAN, "losses_W", 1000.0, 1030.0, 431.7), MOTOR, None
+    ),
     "ambient open for a while": (
         "sensor_detached", edited(CLEAN, "ambient_degC", 1000.0, 1100.0, 850.0), MOTOR, "error"
     ),

@@ -359,12 +359,14 @@ def _is_steady(record: Record, channel: str, from_s: float, to_s: float) -> bool
 
 
 def _lost_power(record: Record, channel: str) -> tuple[float, float, float] | None:
-    """Return, as `_longest_held`, where a power stands still while current flows."""
+    """Return, as `_longest_held`, where a power reads nothing while current flows."""
     if CHANNEL[channel].quantity != "power":
         return None
     time_s, values, current = samples(record, channel, "phase_current_A")
     flows = is_loaded(np.square(current))
-    return _longest_held(time_s[flows], values[flows], LIVE_S)
+    held = _longest_held(time_s[flows], values[flows], LIVE_S)
+    is_nothing = held is not None and abs(held[2]) <= REST_SHARE * np.max(np.abs(values))
+    return held if is_nothing else None
 
 
 def _flat_top(values: np.ndarray, extreme: float) -> np.ndarray:
