@@ -209,7 +209,8 @@ class SwitchingOff:
             folder = self._out / run_name(str(self._name.value), "switch_off")
             if folder.exists():
                 raise InputError(f"{folder.name} exists.", remedy="Choose another name.")
-            write_results(self._result, folder)
+            stated = None if self._motor is None else self._reader.motor(self._motor).certificate
+            write_results(self._result, folder, stated=stated)
         except InputError as error:
             self._saved.object = error_message(error)
             return
