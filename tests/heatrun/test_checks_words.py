@@ -572,9 +572,8 @@ def test_every_finding_is_in_the_register():
 
 
 def test_the_register_holds_no_other():
-    text = "".join(path.read_text("utf-8") for path in CORE.rglob("*.py")
-                   if path.name != "findings.py")  # fmt: skip
-    assert not [id for id in FINDINGS if f'"{id}"' not in text]
+    text = "".join(path.read_text("utf-8") for path in CORE.rglob("*.py"))
+    assert not [id for id in FINDINGS if text.count(f'"{id}"') < 2]  # there, and where it is found
 
 
 def test_the_page_is_that_of_the_register():

@@ -21,7 +21,6 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy import fft
 
 from ..record.blocks import Blocks
 from ..record.motor import Motor
@@ -165,6 +164,8 @@ def _known(
     """Return blocks that know what shocks of unknown sign, at times from the begin of the grid and
     with standard deviations at once, do to their means: they decay at a rate, negative [1/s].
     """
+    from scipy import fft
+
     step_s, per_block = float(blocks.means["step"]), blocks.weight.shape[1]
     num = blocks.num_blocks * per_block
     place = np.floor(time_s / step_s).astype(int)
