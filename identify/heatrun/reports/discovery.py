@@ -30,6 +30,7 @@ from ..results.discovery import (
 )
 from ..results.model import LocalisedMisfit, MissingSpan
 from ..results.values import number
+from .certificate import ENGLISH
 from .figures import GAP_IN, finish, plain, save, stack
 from .pdf import TEMPLATES, typeset
 from .printed import signed
@@ -232,7 +233,9 @@ def draw_all(
 
 
 def gap(
-    predictions: Sequence[tuple[Prediction, Prediction]], roles: Sequence[str], say: Texts
+    predictions: Sequence[tuple[Prediction, Prediction]],
+    roles: Sequence[str],
+    say: Texts = ENGLISH,
 ) -> Figure:
     """Return the errors over time before and after, with the bands of the final model."""
     num = len(predictions)
@@ -264,7 +267,9 @@ def gap(
     return figure
 
 
-def missing(test: Blocks, index: int, before: Where, after: Where, say: Texts) -> Figure | None:
+def missing(
+    test: Blocks, index: int, before: Where, after: Where, say: Texts = ENGLISH
+) -> Figure | None:
     """Return what is missing over one test under its load; None if nothing is."""
     courses = [course for course in before.courses if course.test == index]
     if not courses:
