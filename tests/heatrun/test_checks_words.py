@@ -565,6 +565,13 @@ def ids():
                     yield from ((each, path.name) for each in texts(id) if each not in test)
 
 
+def test_a_spike_of_the_sink_costs_no_column():
+    record = edited(CLEAN, "ambient_degC", 1000.0, 1000.2, 90.0)
+    (jump,) = [one for one in check_record(record, MOTOR) if one.id == "temperature_jump"]
+    assert jump.severity == "warning"
+    assert '"none"' not in jump.remedy
+
+
 def test_every_finding_is_in_the_register():
     found = dict(ids())
     assert len(found) > 50

@@ -207,18 +207,28 @@ def _neighbours(rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _left_out(record: Record, channel: str, *spans: tuple[float, float]) -> tuple[Part, ...]:
-    """Return what to write to do without readings; no fit does without a sink, but with what it
-    read before and after.
-    """
+    """Return what to write to do without readings; of the sink, which no fit does without, none."""
     if channel == "winding_degC":
         return " To leave its readings out: ", mask_line(record, spans), "."
-    without = f' To do without it: {channel} = "none" under [columns]'
-    if channel in BODIES:
-        return (f"{without}.",)
+    without = f' To do without it: {channel} = "none" under [columns].'
+    return (without,) if channel in BODIES else ()
+
+
+def _without_sensor(
+    record: Record, channel: str, spans: list[tuple[float, float]]
+) -> tuple[Part, ...]:
+    """Return what to write to do without what an open circuit reads: in place of a sink's readings
+    a constant, that of the others.
+    """
+    if channel == "winding_degC" or channel in BODIES:
+        return _left_out(record, channel, *spans)
     time_s, reading = samples(record, channel)
     known = reading[~within(time_s, spans)]
     number = f"{np.median(known):.1f}" if known.size else "NUMBER"
-    return (f"{without} and {channel} = {number} under [constants].",)
+    return (
+        f' To do without it: {channel} = "none" under [columns] and {channel} = {number} under '
+        "[constants].",
+    )
 
 
 def _without_jump(record: Record, channel: str, at_s: float, is_lasting: bool) -> tuple[Part, ...]:
@@ -297,7 +307,7 @@ def sensor_detached(record: Record, motor: Motor, looked: Looked) -> Iterator[Fi
             f"circuit ({int(is_open.sum())} samples in {len(spans)} stretches). Fitted, they "
             "would bias every parameter.",
             place(record, channel, from_s, to_s),
-            Remedy("Check the sensor and its line.", *_left_out(record, channel, *spans)),
+            Remedy("Check the sensor and its line.", *_without_sensor(record, channel, spans)),
             values={
                 "reading_degC": value,
                 "num_samples": float(is_open.sum()),
