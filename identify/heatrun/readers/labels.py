@@ -19,8 +19,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
-from ..record.channels import CHANNEL
-from ..record.header import EFFECTIVE, MEANS, STATISTICS, plain, unit_of_cell
+from ..record.channels import CHANNEL, TIME_NAMES
+from ..record.header import EFFECTIVE, MEANS, STATISTICS, plain, read_heading, unit_of_cell
 from ..record.table import Column
 from ..record.units import (
     BRACKETED_ONLY,
@@ -166,6 +166,15 @@ def words_in(label: str, quantity: str = "") -> str:
     if named is None or not find_unit(named.unit, quantity):
         return label
     return " ".join((named.stem, *named.behind)) if named.stem else label
+
+
+TIMES = frozenset((*TIME_NAMES.entries, "time", "time_s"))
+"""Names of the time, in lower case."""
+
+
+def names_time(heading: str) -> bool:
+    """Return whether a heading, with or without a unit, is a name of the time."""
+    return without_sure_unit(read_heading(heading).label).casefold() in TIMES
 
 
 def without_sure_unit(label: str) -> str:

@@ -18,10 +18,10 @@ import numpy as np
 
 from ..errors import InputError
 from ..io.open_file import LARGEST_NUMBERS
-from ..record.header import split_name
 from ..record.record import Finding
 from ..record.table import Table, on_all_times
 from .foreign import BrokenFileError, reading
+from .labels import names_time
 from .mat5 import DEEPEST, Text, Value, read_variables
 from .stored import Stored, as_stated, wanted
 
@@ -32,9 +32,6 @@ VALUES = frozenset(("values", "value", "data", "signal"))
 NAMES = ("label", "name", "signalname", "title")
 UNITS = ("unit", "units", "unitstring")
 """Fields of a struct of one signal, in lower case."""
-
-TIMES = frozenset(("t", "time", "timestamp", "zeit", "tempo", "temps"))
-"""What the times of a group or struct are called, in lower case."""
 
 TIME = "time"
 """What dSPACE calls X beside Y, whatever name it gives it."""
@@ -352,17 +349,12 @@ def _own_times(found: Sequence[Leaf], joint: str) -> list[Group]:
             held.setdefault(leaf.name.rpartition(joint)[0], []).append(leaf)
     groups = []
     for leaves_of in held.values():
-        times = [leaf for leaf in leaves_of if _is_time(leaf)]
+        times = [leaf for leaf in leaves_of if names_time(leaf.heading)]
         others = [leaf for leaf in leaves_of if leaf not in times]
         alike = [one for one in others if _size(one) == _size(times[0])] if times else []
         if len(times) == 1 and alike and np.all(np.diff(_numbers(times[0])) > 0.0):
             groups.append((times[0], alike))
     return groups if len({getattr(one.value, "unit", None) for one, _ in groups}) == 1 else []
-
-
-def _is_time(leaf: Leaf) -> bool:
-    word = split_name(leaf.heading)[0].casefold().removesuffix("_s")
-    return word in TIMES
 
 
 def _numbers(leaf: Leaf) -> np.ndarray:

@@ -15,10 +15,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...errors import InputError
-from ...record.channels import TIME_NAMES
 from ...record.header import LONGEST_NAME, plain, read_heading
 from ...record.units import is_unit
-from ..labels import without_sure_unit
+from ..labels import names_time, without_sure_unit
 from .remarks import (
     COMMENTS,
     is_comment,
@@ -38,9 +37,6 @@ from .values import (
     split_line,
     trimmed,
 )
-
-TIMES = frozenset((*TIME_NAMES.entries, "time", "time_s"))
-"""Names of the time, in lower case, by which a row of names is told from one of devices."""
 
 MOST_ROWS_BELOW = 3
 """So many rows of units, devices and descriptions may stand between names and data."""
@@ -104,8 +100,8 @@ def names_above(
 
 
 def _names_time(row: Sequence[str]) -> bool:
-    labels = (read_heading(cell).label for cell in row if len(cell) <= LONGEST_NAME)
-    return any(without_sure_unit(label).casefold() in TIMES for label in labels)
+    """Return whether a cell does: so a row of names is told from one of devices."""
+    return any(names_time(cell) for cell in row if len(cell) <= LONGEST_NAME)
 
 
 def _speaks_of_units(row: Sequence[str]) -> bool:
