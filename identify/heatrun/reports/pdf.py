@@ -198,7 +198,9 @@ def aspect_on_page_1(content: Mapping[str, Any]) -> float:
 
 
 def _texts(content: Mapping[str, Any]) -> dict[str, Any]:
-    return {**content, "certificate": _breakable(content["certificate"])}
+    return {
+        **content, "certificate": _breakable(content["certificate"]), "too_flat": TOO_FLAT
+    }  # fmt: skip
 
 
 def _breakable(value: Any) -> Any:
