@@ -99,7 +99,10 @@ def test_a_path_conducts_by_the_law(kind, values, link, factor, moment):
 
 @pytest.mark.parametrize(
     ("kind", "values", "rise"),
-    [(CoolantSink, {"a": 0.4}, 0.4 * 15.0), (AmbientDrift, {"d": -3.0}, -1.5)],
+    [
+        (CoolantSink, {"a": 0.4}, 0.4 * 15.0),
+        (AmbientDrift, {"d": -3.0, "tau": 2.0}, -6.0 * (1.0 - np.exp(-0.25))),
+    ],
 )
 def test_the_sink_sits_where_the_law_puts_it(kind, values, rise, moment):
     base, seen = moment(), moment(kind, **values)

@@ -56,6 +56,7 @@ UNITS: dict[str, str] = {
     "W/K": r"\watt\per\kelvin",
     "1/K": r"\per\kelvin",
     "K/h": r"\kelvin\per\hour",
+    "h": r"\hour",
     "1/h": r"\per\hour",
     "m^2": r"\metre\tothe{2}",
     "N m": r"\newton\metre",

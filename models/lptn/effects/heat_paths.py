@@ -359,28 +359,31 @@ class CoolantSink(HeatEffect):
 
 
 class AmbientDrift(HeatEffect):
-    r"""The true sink drifts away from the sensor that stands for it.
+    r"""The true sink drifts away from the sensor that stands for it, and levels off.
 
-    $$ T_0 \to T_0 + d\,t $$
+    $$ T_0 \to T_0 + d\,\tau\,(1 - e^{-t/\tau}) $$
 
     Attributes:
-        d: Drift of the sink [K/h].
+        d: Drift of the sink at the start of a test [K/h].
+        tau: Time constant with which it levels off [h].
 
-    Valid for: a steady drift from the start of each test.
+    Valid for: a room, a flange or a tank that takes up heat from the start of each test.
     """
 
     d: Float[Array, ""]
+    tau: Float[Array, ""]
 
     card: ClassVar[EffectCard] = EffectCard(
         id="ambient_drift",
         family="sink",
-        law="T0 -> T0 + d t",
+        law="T0 -> T0 + d tau (1 - exp(-t / tau))",
         needs=(),
-        signature="a slow ramp, delayed by the slow time constant",
+        signature="a slow ramp that levels off, delayed by the slow time constant",
         separating_test="an hour at rest with a second ambient sensor at the intake of the "
         "cooling air",
         parameters={
-            "d": Quantity("K/h", 0.0, -5.0, 5.0, 2.0, "drift of the sink"),
+            "d": Quantity("K/h", 0.0, -5.0, 5.0, 2.0, "drift of the sink at the start"),
+            "tau": Quantity("h", None, 0.5, 8.0, 2.0, "time constant with which it levels off"),
         },
     )
 
@@ -388,7 +391,8 @@ class AmbientDrift(HeatEffect):
         self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
     ) -> Terms:
         """As `HeatEffect.apply`."""
-        return terms.with_sink(terms.sink + self.d * drive.time / 3600.0)
+        risen = self.tau * -jnp.expm1(-drive.time / (3600.0 * self.tau))
+        return terms.with_sink(terms.sink + self.d * risen)
 
 
 class AmbientRecirculation(HeatEffect):

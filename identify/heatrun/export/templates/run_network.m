@@ -211,7 +211,7 @@ for i = 1:num_samples - 1
           case 'coolant_sink'
             sink = sink + q.a*(y(6) - sink);
           case 'ambient_drift'
-            sink = sink + q.d*y(1)/3600;
+            sink = sink + q.d*q.tau*(1 - exp(-y(1)/(3600*q.tau)));
           case 'ambient_recirculation'
             sink = sink + q.r*(Pjs + Pol);
           case 'rotor_node'
