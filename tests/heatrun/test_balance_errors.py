@@ -17,7 +17,7 @@ from heatrun.model.problem import Problem
 from heatrun.posterior.driven import virtual_record
 from heatrun.posterior.posterior import normal_draws
 from heatrun.posterior.predict import predict
-from heatrun.record.balance_errors import told_by_inputs
+from heatrun.record.balance_errors import Told, together, told_by_inputs
 from heatrun.record.derive import BY_CONSTANTS
 from heatrun.record.motor import Motor, ParameterOverride
 from heatrun.record.record import ColumnReading, Record
@@ -166,6 +166,35 @@ def test_a_held_out_test_takes_the_zero_of_its_torque(calibrated, driven, motor)
     assert rmse_K < 1.5
     assert inside > 0.9
     assert errors(calibrated, record, motor, told=())[0] > 5.0
+
+
+def test_what_several_tests_tell_of_one_instrument_is_held_against_each_other():
+    """One zero of the torque: the test that shows it well helps the one that shows it badly."""
+
+    def told(mean, sd, name="torque_offset"):
+        return Told(name, mean, sd, 0.1, "")
+
+    well, badly, other = told(-1.40, 0.01), told(-1.10, 0.3), told(0.05, 0.01, "shaft_power_gain")
+    one, two = together([(well, other), (badly,)])
+    assert one[1] == pytest.approx(other)
+    assert one[0].mean == pytest.approx(-1.40, abs=0.005)
+    assert two[0].mean == pytest.approx(-1.40, abs=0.01)
+    assert two[0].sd == pytest.approx(0.03, rel=0.02)  # a zero drifts by 0.02, that of each test
+    # a zero that was set in between
+    (first,), (second,) = together([(well,), (told(-0.2, 0.01),)])
+    assert (first.mean, second.mean) == pytest.approx((-1.4, -0.2), abs=0.01)
+    assert together([(badly,), ()]) == [(badly,), ()]
+
+
+def test_a_held_out_test_is_told_its_zero_by_the_fitted_ones_too(driven, motor):
+    off = with_errors(driven, torque_Nm=1.4)
+    posterior = normal_draws(fitted(motor, off))
+    alone = reduce(without_readings(replace(off, name="other")), motor)
+    (told,) = alone.told
+    poor = replace(alone, told=(told._replace(sd=20.0 * told.sd, mean=told.mean + 10.0 * told.sd),))
+    seen = predict(posterior, poor).values["own_torque_offset"]
+    assert float(np.mean(seen)) == pytest.approx(-1.4, abs=0.03)
+    assert float(np.std(seen)) < 0.3 * poor.told[0].sd
 
 
 def test_losses_below_zero_are_not_told_beside_the_error_that_makes_them_so(driven, motor):

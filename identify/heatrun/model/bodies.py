@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..errors import InputError
-from ..record.balance_errors import SHAFT_GAIN_SD, SHAFT_OFFSET_SHARE
+from ..record.balance_errors import SHAFT_GAIN_SD, SHAFT_OFFSET_SHARE, Told
 from ..record.blocks import Blocks
 from ..record.channels import BODIES, body_name
 from ..record.motor import Motor
@@ -151,17 +151,20 @@ def own_name(name: str) -> str:
     return f"own_{name}"
 
 
-def own_errors(test: Blocks) -> list[Parameter]:
+def own_errors(errors: Sequence[Told]) -> list[Parameter]:
     """Return the errors that the inputs of a test tell, held-out tests included.
 
     In this test they stand in place of those that all tests share.
+
+    Args:
+        errors: As `heatrun.record.balance_errors.together` has them.
     """
     return [
         Parameter(
             own_name(told.name), *OWN[told.name], "instrument", "linear", told.mean, told.sd,
             "the test's own inputs contradict the prior; no temperature used", per_test=True,
         )
-        for told in test.told
+        for told in errors
     ]  # fmt: skip
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import InputError
+from ..record.balance_errors import together
 from ..record.blocks import Blocks
 from ..record.channels import BODIES, body_name
 from ..record.motor import Motor
@@ -96,14 +97,14 @@ def parameters(
             [
                 *shared,
                 *timing_error(test),
-                *own_errors(test),
+                *own_errors(own),
                 *_start(model, test),
                 *(_changes(model, motor) if model.change_sd else ()),
                 *effect_parameters(model.effects, test.duration_s, searched, size),
             ],
             motor,
         )
-        for test in tests
+        for test, own in zip(tests, together([test.told for test in tests]), strict=True)
     ]
     return collect([test.name for test in tests], by_test)
 

@@ -13,13 +13,14 @@ from jaxtyping import Array, Float, Int
 
 from ..io.programs import compiled
 from ..model import noise as noise_module
-from ..model.bodies import BodyCourse, body_courses, told_bodies
+from ..model.bodies import BodyCourse, body_courses, own_errors, own_name, told_bodies
 from ..model.discrepancy import heat_columns
 from ..model.draws import Draws, PlausibleEffects, courses, of_network
 from ..model.model import Model
 from ..model.model_parameters import parameters
 from ..model.noise import Noise, scales_of
-from ..model.parameters import null_values
+from ..model.parameters import Parameter, null_values
+from ..record.balance_errors import together
 from ..record.blocks import Blocks
 from ..record.observation import Observation
 from ..results.values import Role
@@ -373,6 +374,8 @@ def of_test(
     values = picked.of_test(fitted_as)
     if "speed" not in test.means:
         values.pop("torque_offset", None)  # nothing that it could act on
+    if fitted_as is None:
+        known = {**known, **_as_other_tests_tell(picked, test)}
     starts = {name for _, name in draws.model.form.starts}
     size = picked.vectors.shape[0]
     nulls = null_values(draws.model.effects)
@@ -393,6 +396,18 @@ def of_test(
     if fitted_as is None:
         values |= start_draws(draws.model, test, dict(known), values, noise, draws.loggers, rng)
     return OfTest(values, noise, picked.plausible)
+
+
+def _as_other_tests_tell(draws: Draws, test: Blocks) -> dict[str, Parameter]:
+    """Return the errors that the inputs of a test tell, held against those of the fitted tests."""
+    values, told = draws.values(), {own_name(each.name): each for each in test.told}
+    fitted = [
+        [told[slot.parameter.name]._replace(mean=float(np.mean(seen)), sd=float(np.std(seen)))]
+        for slot in draws.parameters.slots
+        if slot.parameter.name in told
+        for seen in (values[slot.name],)
+    ]
+    return {each.name: each for each in own_errors(together([*fitted, test.told])[-1])}
 
 
 @compiled(is_seldom=True)

@@ -7,12 +7,15 @@ of the torque adds changes its sign with the direction of rotation, and can be r
 machine stands without current; so can an offset of the powers.
 
 What contradicts the prior of such an error is the test's own: fit, posterior and prediction take it
-in place of that prior, in this test alone (`heatrun.model.bodies.own_errors`).
+in place of that prior, in this test alone (`heatrun.model.bodies.own_errors`). The instruments of
+the tests are the same, though: what several tests tell of one is held against each other
+(`together`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -73,6 +76,9 @@ WARM_K, RESISTANCE_SHARE = 50.0, 0.25
 STICTION_SHARE = 0.001
 """Torque that friction and cogging may hold at a stop, in parts of the largest one [1]."""
 
+CHANGES = 0.2
+"""What an instrument's error changes from test to test at least, in parts of its prior [1]."""
+
 UNITS = {"shaft_power_gain": "", "shaft_power_offset": " W", "torque_offset": " N m"}
 
 
@@ -83,13 +89,49 @@ class Told(NamedTuple):
         name: The parameter that stands for it.
         mean: Its estimate [unit of the parameter].
         sd: Standard deviation of the estimate [likewise].
+        usual: Standard deviation of its prior before any test is looked at [likewise].
         seen: What shows it, a sentence.
     """
 
     name: str
     mean: float
     sd: float
+    usual: float
     seen: str
+
+
+def together(tests: Sequence[Sequence[Told]]) -> list[tuple[Told, ...]]:
+    """Return what the inputs of several tests tell of their instruments, held against each other.
+
+    An error that several tests tell is one error with a change from test to test. How large that
+    is, follows from how far the tests differ; it is a fifth of the usual error at least, since a
+    zero drifts with temperature.
+
+    Args:
+        tests: What each test tells by itself.
+
+    Reference: R. DerSimonian, N. Laird, Meta-analysis in clinical trials, Controlled Clinical
+        Trials 7 (1986) 177-188.
+    """
+    found = [list(test) for test in tests]
+    for name in {told.name for test in tests for told in test}:
+        places = [(i, j) for i, test in enumerate(tests) for j, told in enumerate(test)
+                  if told.name == name]  # fmt: skip
+        told = [tests[i][j] for i, j in places]
+        mean, own = np.array([(one.mean, one.sd**2) for one in told]).T
+        weight = 1.0 / own
+        spread = weight @ (mean - weight @ mean / weight.sum()) ** 2 - (mean.size - 1)
+        room = weight.sum() - weight @ weight / weight.sum()
+        change = max(spread / room if mean.size > 1 else 0.0, (CHANGES * told[0].usual) ** 2)
+        weight = 1.0 / (own + change)
+        shared = weight @ mean / weight.sum()
+        share = change * weight
+        variance = share * own + (1.0 - share) ** 2 / weight.sum()
+        for (i, j), part, sd in zip(places, share, np.sqrt(variance), strict=True):
+            one = found[i][j]
+            found[i][j] = one._replace(mean=float(part * one.mean + (1.0 - part) * shared),
+                                       sd=float(sd))  # fmt: skip
+    return [tuple(test) for test in found]
 
 
 class Prior(NamedTuple):
@@ -156,7 +198,7 @@ def told_by_inputs(record: Record, motor: Motor) -> tuple[Told, ...]:
         allowed = BEYOND * (usual[told.name] if prior.is_fixed else prior.sd)
         is_scale = told.name != "shaft_power_gain" or abs(told.mean) < LARGEST_GAIN
         if is_scale and abs(told.mean - prior.centre) > max(allowed, SIGMAS * told.sd):
-            found.setdefault(told.name, told)
+            found.setdefault(told.name, told._replace(usual=usual[told.name]))
     return tuple(found.values())
 
 
@@ -260,7 +302,7 @@ def _by_direction(
         # else current and speed tell the sign
         if is_apart and left < (1.0 - EXPLAINED) * _square(others, losses):
             error = float(weights[at])
-            yield Told(name, error, float(spread[at]), _words(name, error))
+            yield Told(name, error, float(spread[at]), math.nan, _words(name, error))
 
 
 def _words(name: str, error: float) -> str:
@@ -315,8 +357,8 @@ def _at_rest(record: Record, motor: Motor) -> Iterator[Told]:
 
     mean, sd = read(losses - copper, float(np.max(unknown_W[np.concatenate(stops)])))
     seen = f"Expected no losses at standstill without current; they read {mean:.3g} W."
-    yield Told("shaft_power_offset", mean, sd, seen)
+    yield Told("shaft_power_offset", mean, sd, math.nan, seen)
     for values in torque:
         mean, sd = read(values, STICTION_SHARE * float(np.max(np.abs(values))))
         seen = f"Expected no torque at standstill without current; it reads {mean:.2g} N m."
-        yield Told("torque_offset", -mean, sd, seen)
+        yield Told("torque_offset", -mean, sd, math.nan, seen)
