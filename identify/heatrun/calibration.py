@@ -279,6 +279,8 @@ def calibrate(
         last_part = (name, "ratings" if settings.duties else "predict")
         work.done(last_part, f"{model.title}: done")
         seen = [*found.findings, *_sampling_findings(posterior)]
+        if asked is not None and not is_plain:
+            described = described.allowing_for(asked.allowed_for)
         if screened is not None:
             stats = {**described.stats, "missing_effect_p": screened.p}
             described = replace(described, stats=stats)

@@ -14,14 +14,14 @@ from hidden_machines import machine
 from heatrun.effects import engine as engine_module
 from heatrun.effects import search as search_module
 from heatrun.effects.engine import Candidate, Engine, white
-from heatrun.effects.found import asked_findings, find, with_catalogue
+from heatrun.effects.found import as_fit, asked_findings, find, with_catalogue
 from heatrun.effects.linear import Linear, evidence
 from heatrun.effects.search import Search, neighbours
 from heatrun.model.model import Model
 from heatrun.model.problem import Problem
 from lptn import EFFECTS
 from lptn.effects.bodies import HousingNode, NeighbourBody
-from lptn.effects.heat_paths import AmbientDrift, NaturalConvection, Radiation
+from lptn.effects.heat_paths import AmbientDrift, CoolingStep, NaturalConvection, Radiation
 
 FEW = ("speed_cooling", "sensor_lag", "rotor_node", "ambient_drift", "stray_load_loss")
 
@@ -199,6 +199,49 @@ def test_what_cannot_be_is_a_bound(search):
     slot = engine.find("housing_node.x")
     _, high = engine.bounds([slot])
     assert float(engine.slots[slot].parameter.value(high[0])) == pytest.approx(1.0)
+
+
+def test_what_half_of_the_evidence_does_not_ask_for_is_allowed_for(search):
+    """It is in the model, with more than one effect left out if all close next to nothing."""
+    fan, lag, rotor = (next(e for e in search.candidates if e.id == name)
+                       for name in ("speed_cooling", "sensor_lag", "rotor_node"))  # fmt: skip
+    z = search.fitted[frozenset()].z
+    few, both, more = (
+        search.fit(frozenset(each), z) for each in ([fan], [fan, lag], [fan, lag, rotor])
+    )
+    none = search.fitted[frozenset()]
+    told = {each.effects: replace(each, log_weight=0.0) for each in (none, few, both)}
+    told[more.effects] = replace(more, log_weight=1.0)
+    tried = replace(search, fitted=told)
+    assert tried.fullest(told[few.effects]).effects == both.effects
+    assert tried.fullest(told[both.effects]).effects == both.effects
+    told[few.effects] = replace(few, log_weight=2.0)
+    assert tried.fullest(told[few.effects]).effects == few.effects
+    assert tried.fullest(none) is none  # an effect beside none is averaged over, not in the model
+
+
+def test_what_is_allowed_for_is_told_apart_from_what_is_named(searched):
+    fan = next(each for each in searched.core.effects if each.id == "speed_cooling")
+    less = searched.search.fitted[searched.core.effects - {fan}]
+    found = replace(searched, core=less, around={less.effects: 1.0}, full=searched.core)
+    assert found.ids == ("sensor_lag",)
+    assert found.allowed_for == ("speed_cooling",)
+    (finding,) = asked_findings(found, is_plain=False)
+    assert "ask for sensor_lag (100 %): these are in the model" in finding.message
+    assert "The model allows for speed_cooling too" in finding.message
+
+
+def test_an_event_in_two_tests_is_in_both(hidden_bench):
+    _, motor, tests, _ = machine(hidden_bench, ("speed_cooling",), 41, amplitude=1.0)
+    model = Model.of("second", motor).scaled(motor, tests)
+    rows = [model.with_bodies(test) for test in tests]
+    library, extended = with_catalogue(model, motor, rows, (CoolingStep,))
+    search = Search(Engine(Problem.of(extended, motor, rows)), library.candidates)
+    none = search.fit(frozenset(), search.placed(np.zeros(len(search.engine.slots)), ()))
+    search.fit(frozenset(library.candidates), none.z)
+    fit = as_fit(search, search.fitted[frozenset(library.candidates)], model)
+    free = {slot.name for slot in fit.slots}
+    assert {f"cooling_step.k[{test.name}]" for test in tests} <= free
 
 
 def test_what_tests_do_not_tell_apart_widens_the_intervals(searched):

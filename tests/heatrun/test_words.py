@@ -34,8 +34,8 @@ from heatrun.reports.pdf import write_pdf
 from heatrun.reports.printed import told
 from heatrun.results import DiscoveryResult, FitResult, from_json
 from heatrun.results.discovery import ProposedTest
-from heatrun.results.model import MaybeMissing
-from heatrun.runs.verdict import USES
+from heatrun.results.model import EffectInModel, MaybeMissing
+from heatrun.runs.verdict import USES, favoured, headline
 from heatrun_reports import job, make_report
 from heatrun_reports.document import document_content, report_content
 from heatrun_reports.job import build_report
@@ -358,6 +358,28 @@ def test_a_report_of_a_discovery_says_nothing_in_english(language):
         told = json.dumps({**content, "version": ""}, ensure_ascii=False)
         assert not re.search(r"\d\.\d|\b(the|and|is|of)\b", told), told
     assert not say.unknown
+
+
+@pytest.mark.parametrize(
+    ("language", "expected"),
+    [
+        ("de", "Zweite Ordnung mit rotor_node, sensor_lag und speed_cooling, zugelassen auch "
+         "radiation und ambient_drift. "),
+        ("it", "Secondo ordine con rotor_node, sensor_lag e speed_cooling, ammettendo anche "
+         "radiation e ambient_drift. "),
+    ],
+)  # fmt: skip
+def test_a_headline_tells_what_is_named_from_what_is_allowed_for(result, language, expected):
+    name = favoured(result)
+    ids = ("rotor_node", "radiation", "sensor_lag", "ambient_drift", "speed_cooling")
+    effects = tuple(EffectInModel(id=each, law="", parameters=()) for each in ids)
+    model = replace(result.models[name], title="second order", effects=effects)
+    model = model.allowing_for(["radiation", "ambient_drift"])
+    allowing = replace(result, models={**result.models, name: model})
+    said = headline(allowing).sentence
+    assert said.startswith("Second order with rotor_node, sensor_lag and speed_cooling, allowing "
+                           "for radiation and ambient_drift. ")  # fmt: skip
+    assert Texts(language).again(said).startswith(expected)
 
 
 def test_numbers_have_the_decimal_sign_of_the_language(result, tmp_path):

@@ -19,6 +19,7 @@ from ..effects.found import Found
 from ..effects.search import gap, plain_noise
 from ..effects.small_effects import SmallEffects
 from ..fit.fit import low_frequency_excess
+from ..io.quantities import enumerated
 from ..model.network_form import WINDING
 from ..model.noise import scales_of, variance_of_mean
 from ..results.discovery import VerdictWord
@@ -259,7 +260,7 @@ def verdict(
         command: What to call next where something is left.
     """
     ids = asked.ids
-    names = " and ".join(ids)
+    names = enumerated(ids)
     if ids and after.is_adequate:
         tied = {each.id: asked.tied(each) for each in asked.core.effects if asked.tied(each)}
         if tied:
@@ -346,10 +347,10 @@ def tell(
     work.at("where", "locating what is missing")
     search = asked.search
     none, core = search.fitted[frozenset()], asked.core
-    left = search.without_heat(none), search.without_heat(core)
+    left = search.without_heat(none), search.without_heat(asked.full)
     engine = search.engine
     bare = asked.fits[0].problem.model
-    full = bare.extended(each.kind for each in core.effects)
+    full = bare.extended(each.kind for each in asked.full.effects)
     closed = gap(engine.rms_K(left[0].residual), engine.rms_K(left[1].residual))
     before, after = adequacy(engine, left[0]), adequacy(engine, left[1], closed)
     where_before = localise(engine, left[0], bare)
@@ -362,7 +363,7 @@ def tell(
     if tied is not None:
         rivals = list(asked.tied(tied))
         members = [search.fitted[core.effects - {tied} | {other}] for other in rivals]
-        fits = [left[1], *(search.without_heat(member) for member in members)]
+        fits = [search.without_heat(member) for member in (core, *members)]
         further = next_test(engine, (tied.id, *(other.id for other in rivals)), fits)
     work.done("where")
     return Discovery(

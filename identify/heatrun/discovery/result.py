@@ -115,10 +115,10 @@ def _fate(found: Discovery, effect: Candidate, sight: Sight | None) -> tuple[Sta
         if p is not None:
             place = f"in the place of {each.id} it has a probability of {percent(p)}"
             return ("tied" if effect in asked.tied(each) else "rejected"), place
-    if effect in asked.best.effects:
+    if effect in asked.full.effects:
         return "rejected", (
-            "the evidence asks for it, but half of the evidence does not, or it closes less than "
-            f"{MATTERS_K} K: the intervals allow for it"
+            "it is in the model, but not beyond doubt: half of the evidence does not ask for it, "
+            f"or it closes less than {MATTERS_K} K"
         )
     if sight is not None and not sight.is_visible:
         noise = float(from_scores(asked.core.noise_z).total())
@@ -169,7 +169,7 @@ def assemble(
         verdict=found.verdict.word,
         sentence=found.verdict.sentence,
         effects=tuple(_effect(found, posterior, each) for each in asked.by_evidence),
-        dropped=tuple(sorted({e.id for e in asked.best.effects - asked.core.effects})),
+        dropped=tuple(sorted({e.id for e in asked.best.effects - asked.full.effects})),
         traces=_traces(found) if found.verdict.word == "adequate" else (),
         where=tuple(_span(span) for span in found.where_before.spans),
         where_left=tuple(_span(span) for span in found.where_after.spans),

@@ -80,9 +80,12 @@ class Found:
         library: What was searched, and what could not be.
         search: The fitted sets.
         best: The most probable set.
-        core: The set near it that the coarse evidence asks for, which is in the model.
+        core: The set near it that the coarse evidence asks for: these effects are named.
         around: The core, and the sets that could be in its place, with probabilities [1].
-        fits: The network alone and the network with the core, as fits that can be sampled.
+        full: The most probable set that holds the core, which is in the model: what it has beside
+            the core the tests ask for, though not beyond doubt. Left out, it would be taken up by
+            the network's parameters.
+        fits: The network alone and the network with the full set, as fits that can be sampled.
     """
 
     library: Library
@@ -90,6 +93,7 @@ class Found:
     best: Member
     core: Member
     around: Mapping[Set, float]
+    full: Member
     fits: tuple[Fit, Fit]
 
     @property
@@ -99,13 +103,18 @@ class Found:
 
     @property
     def by_evidence(self) -> list[Candidate]:
-        """The effects that the network has been given, the strongest first."""
+        """The effects that are named, the strongest first."""
         return sorted(self.core.effects, key=lambda each: -self.log_bayes(each))
 
     @property
     def ids(self) -> tuple[str, ...]:
         """Their ids."""
         return tuple(dict.fromkeys(each.id for each in self.by_evidence))
+
+    @property
+    def allowed_for(self) -> tuple[str, ...]:
+        """Ids of the effects in the model that are not named, in alphabetical order."""
+        return tuple(sorted({each.id for each in self.full.effects} - set(self.ids)))
 
     def probability(self, effect: Candidate) -> float:
         """Return the probability of an effect of the core, among what could be in its place [1]."""
@@ -202,9 +211,10 @@ def find(
                 z[place] = score
     best = search.run(z)
     core, around = search.settled(best)
+    full = search.fullest(core)
     alone = start or as_fit(search, search.fitted[frozenset()], model)
-    chosen = as_fit(search, core, model) if core.effects else alone
-    return Found(usable, search, best, core, around, (alone, chosen))
+    chosen = as_fit(search, full, model) if full.effects else alone
+    return Found(usable, search, best, core, around, full, (alone, chosen))
 
 
 def asked_findings(found: Found, *, is_plain: bool) -> list[Finding]:
@@ -233,6 +243,12 @@ def asked_findings(found: Found, *, is_plain: bool) -> list[Finding]:
                 remedy="Calibrate without --plain.",
             )
         ]
+    beside = ""
+    if found.allowed_for:
+        beside = (
+            f" The model allows for {', '.join(found.allowed_for)} too: with that the tests are "
+            "more probable, though not beyond doubt."
+        )
     ambiguous = [
         Finding(
             id="effect_ambiguous",
@@ -254,7 +270,7 @@ def asked_findings(found: Found, *, is_plain: bool) -> list[Finding]:
         Finding(
             id="effects_in_model",
             severity="note",
-            message=f"the tests ask for {told}: these are in the model ({gap} them).",
+            message=f"the tests ask for {told}: these are in the model ({gap} them).{beside}",
             where=problem.label,
             remedy="Use the parameters together with the effects; --plain calibrates without.",
         ),
@@ -275,11 +291,12 @@ def as_fit(search: Search, member: Member, model: Model) -> Fit:
     full = search.engine.problem
     chosen = model.extended(each.kind for each in member.effects)
     problem = Problem.of(chosen, full.motor, full.tests)
-    owner = {each.id: each.test for each in member.effects}
+    owners = {each.id: [o.test for o in member.effects if o.id == each.id]
+              for each in member.effects if each.test is not None}  # fmt: skip
     by_test = [
         {
             name: replace(parameter, fixed=parameter.centre)
-            if owner.get(name.partition(".")[0], index) not in (None, index)
+            if index not in owners.get(name.partition(".")[0], [index])
             else parameter
             for name, parameter in parameters.items()
         }

@@ -15,7 +15,7 @@ References: D. J. C. MacKay, Bayesian interpolation, Neural Computation 4 (1992)
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -290,16 +290,20 @@ class Search:
     def _without(self, member: Member, effects: Set) -> Member:
         return self.fitted.get(effects) or self.fit(effects, member.z, member.noise_z, member)
 
-    def _spare(self, member: Member) -> Member | None:
+    def _spare(
+        self, member: Member, is_wanted: Callable[[Member, Member], bool], kept: Set = frozenset()
+    ) -> Member | None:
         """Return the fit without an effect that is not wanted, None where all are: tried in the
         order of the linear evidence, so that of a dozen effects not each is fitted without.
         """
+        sets = [member.effects - {each} for each in member.effects - kept]
+        if not sets:
+            return None
         linear = Linear(heated(self.engine, member.z), self.own, self.base, member, {})
-        sets = [member.effects - {each} for each in member.effects]
         weights = {s: COARSE * linear.log_evidence(s) + self.log_odds(s) for s in sets}
         for effects in sorted(sets, key=lambda each: -weights[each]):
             fewer = self._without(member, effects)
-            if not self.is_wanted(member, fewer):
+            if not is_wanted(member, fewer):
                 return fewer
         return None
 
@@ -324,7 +328,7 @@ class Search:
             member: The most probable set.
         """
         for _ in range(MOST_SETTLED + len(member.effects)):
-            spare = self._spare(member)
+            spare = self._spare(member, self.is_wanted)
             if spare is not None:
                 member = spare
                 continue
@@ -363,6 +367,24 @@ class Search:
         found = np.array([self.coarse(self.fitted[each]) for each in fitted])
         shares = np.exp(found - np.logaddexp.reduce(found))
         return dict(zip(fitted, shares.tolist(), strict=True))
+
+    def fullest(self, core: Member) -> Member:
+        """Return the most probable of the fitted sets that hold one; of none, the empty one.
+
+        It goes without what closes next to nothing, all of that together.
+        """
+        if not core.effects:
+            return core
+        holding = [each for each in self.fitted.values() if each.effects >= core.effects]
+        full = max(holding, key=lambda each: each.log_weight)
+        reached_K = self.reached_K(full)
+
+        def matters(_: Member, fewer: Member) -> bool:
+            return gap(self.reached_K(fewer), reached_K) > MATTERS_K
+
+        while (fewer := self._spare(full, matters, core.effects)) is not None:
+            full = fewer
+        return full
 
     def without_heat(self, member: Member) -> Refit:
         """Return a set fitted with noise of up to a minute alone, so that what is slow is left."""

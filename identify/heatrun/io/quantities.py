@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 
 
 def printable(text: str) -> str:
@@ -119,6 +120,12 @@ def part_of(share: float, whole: str) -> str:
     if share > 1.0:
         return f"{rounded(share)} times {whole}"
     return f"1/{rounded(1.0 / share)} of {whole}"
+
+
+def enumerated(words: Iterable[str]) -> str:
+    """Return words as a sentence lists them: "a, b and c"; empty without any."""
+    *others, last = [*words] or [""]
+    return f"{', '.join(others)} and {last}" if others else last
 
 
 def percent(probability: float) -> str:

@@ -166,6 +166,7 @@ class Texts:
             return text.replace(" and ", f" {self('and')} ")
         if kind == "m":
             title, between, effects = text.partition(" with ")
-            effects = f" {self('and')} ".join(effects.rsplit(" and ", 1))
+            effects = effects.replace(" and ", f" {self('and')} ")
+            effects = effects.replace(", allowing for ", f", {self('allowing_for')} ")
             return f"{self.again(title)} {self('with')} {effects}" if between else self.again(title)
         return text

@@ -200,8 +200,7 @@ def _rest(result: FitResult) -> list[str]:
     """Return what the dozen lines leave out."""
     lines = []
     for model in result.models.values():
-        effects = "".join(f", {effect.id}" for effect in model.effects)
-        lines += ["", f"{model.title.capitalize()}{effects}"]
+        lines += ["", f"{model.title.capitalize()} {model.effects_in_words()}".rstrip()]
         width = max([7, *map(len, model.parameters)])
         for name, entry in model.parameters.items():
             low, high = interval_ends(entry.interval_95, entry.sd)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 from msgspec import UNSET, Meta, UnsetType
 
-from ..io.quantities import quantity, rounded
+from ..io.quantities import enumerated, quantity, rounded
 from ..record.record import ColumnReading, Finding
 from .values import BudgetRow, Count, Interval, NonNegative, Probability, Role, known, number
 
@@ -355,11 +356,13 @@ class EffectInModel:
         id: Its name in the catalogue.
         law: Its law in words.
         parameters: Names of its parameters among those of the model.
+        is_allowed_for: True where the tests ask for it, though not beyond doubt; else unset.
     """
 
     id: str
     law: str
     parameters: tuple[str, ...]
+    is_allowed_for: bool | UnsetType = UNSET
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -597,6 +600,18 @@ class FittedModel:
     maybe_missing: tuple[MaybeMissing, ...] | UnsetType = UNSET
     replica: Replica | UnsetType = UNSET
     load: TestedLoad | UnsetType = UNSET
+
+    def allowing_for(self, ids: Collection[str]) -> FittedModel:
+        """Return it with some of its effects as those that are not beyond doubt."""
+        effects = (replace(e, is_allowed_for=True) if e.id in ids else e for e in self.effects)
+        return replace(self, effects=tuple(effects))
+
+    def effects_in_words(self) -> str:
+        """Return the effects in it, the named ones first; empty without any."""
+        allowed = [effect.id for effect in self.effects if effect.is_allowed_for is True]
+        named = [effect.id for effect in self.effects if effect.id not in allowed]
+        words = f"with {enumerated(named)}" if named else ""
+        return f"{words}, allowing for {enumerated(allowed)}" if allowed else words
 
     def about_missing(self) -> str:
         """Return a sentence on the effects that the draws are averaged over, empty without any."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..checks.suitability import SIMULATED, doubts
-from ..io.quantities import clean, rounded
+from ..io.quantities import clean, enumerated, rounded
 from ..record.findings import FAILED, ORDER, with_doubt
 from ..record.record import Finding
 from ..results import FitResult
@@ -178,9 +178,7 @@ def _time_constants_only(result: FitResult, model: FittedModel) -> str:
 
 def _title(model: FittedModel) -> str:
     """Return the network with the effects in it, to begin a sentence."""
-    *others, last = [effect.id for effect in model.effects] or [""]
-    listed = f"{', '.join(others)} and {last}" if others else last
-    return f"{model.title.capitalize()}{' with ' if listed else ''}{listed}"
+    return f"{model.title.capitalize()} {model.effects_in_words()}".rstrip()
 
 
 def _taken_up(result: FitResult) -> str:
@@ -208,11 +206,9 @@ def thermal(model: FittedModel) -> dict[str, FittedParameter]:
 
 def _uses(names: Sequence[str]) -> str:
     """Return what parameters are needed for, in words."""
-    words = dict.fromkeys(
+    return enumerated(dict.fromkeys(
         USES.get(name, CAPACITY if name.startswith("Ceq") else RESISTANCE) for name in names
-    )
-    *others, last = words
-    return f"{', '.join(others)} and {last}" if others else last
+    ))  # fmt: skip
 
 
 def _percent(entry: FittedParameter) -> str:
