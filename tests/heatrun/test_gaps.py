@@ -312,6 +312,19 @@ def test_missing_readings_outside_a_mask_are_still_told(lab):
     assert "[tests.drive] mask = [[1000.0, 1599.0], [2000.0, 2400.0]]" in found[0].remedy
 
 
+def test_lines_that_hold_a_time_alone_are_a_gap(lab):
+    table = pd.read_csv(lab / "drive.csv")
+    values = [name for name in table.columns if name != "time_s"]
+    table.loc[[300, *range(1500, 2201)], values] = np.nan
+    table.to_csv(lab / "drive.csv", index=False)
+    motor = machine("[tests.drive]\nmask = [[1600, 1700]]\n")  # within it
+    found = [one for part in read_tests(lab / "drive.csv", motor)
+             for one in check_record(part, motor)]  # fmt: skip
+    (gap,) = [one for one in found if one.id == "time_gap"]
+    assert (gap.values["from_s"], gap.values["to_s"]) == (1499.0, 2201.0)
+    assert {one.severity for one in found if one.id == "nan_block"} == {"note"}
+
+
 @pytest.mark.parametrize(("num_missing", "severity"), [(15, "note"), (60, "error")])
 def test_blanked_readings_shorter_than_a_block_are_no_error(lab, num_missing, severity):
     table = pd.read_csv(lab / "drive.csv")
