@@ -15,6 +15,7 @@ from heat_runs import (
     LINK,
     MOTOR,
     as_columns,
+    at,
     changed,
     decided,
     edited,
@@ -634,3 +635,13 @@ def test_a_winding_below_its_housing_all_along_is_told_by_its_cause(housing, say
     assert line in finding.remedy
     right = changed(SLOW, housing_degC=22.0 + 0.5 * (SLOW["winding_degC"] - 22.0))
     assert not [one for one in check_record(right, MOTOR) if one.severity == "error"]
+
+
+def test_a_winding_as_cold_as_the_room_is_not_exchanged_with_its_housing():
+    warm = at(SLOW, SLOW.time_s > 0.6 * SLOW.time_s[-1])
+    housing = 70.0 + 0.1 * (warm["winding_degC"] - warm["winding_degC"].min())
+    hangs = warm["ambient_degC"] + 4.0 + 0.05 * (warm["winding_degC"] - warm["winding_degC"].min())
+    record = changed(warm, winding_degC=hangs, housing_degC=housing)
+    (finding,) = [one for one in check_record(record, MOTOR) if one.id == "sensor_detached"]
+    assert "less than its housing under load" in finding.message
+    assert "exchanged" not in finding.sentence()
