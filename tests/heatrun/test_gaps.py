@@ -367,6 +367,23 @@ def test_what_a_finding_advises_can_be_done(lab, id, key, change, sizes):
         assert not findings(part, motor, id)
 
 
+@pytest.mark.parametrize("used", ["use_rows = [[401, 3401]]", "use = [[400, 1999]]"])
+def test_a_clock_that_was_set_back_within_a_part_is_split_there(lab, used):
+    table = pd.read_csv(lab / "drive.csv")
+    late = table.time_s >= 2000
+    table.assign(time_s=table.time_s.where(~late, table.time_s - 700)).to_csv(
+        lab / "drive.csv", index=False
+    )
+    given = machine(f"[tests.drive]\n{used}\n")
+    (found,) = findings(read_test(lab / "drive.csv", given), given, "time_backwards")
+    (lines,) = re.findall(r"use_rows = \[\[.*\]\]", found.remedy)
+    assert ("in place of use" in found.remedy) == ("rows" not in used)
+    parts = read_tests(lab / "drive.csv", machine(f"[tests.drive]\n{lines}\n"))
+    assert [part.first_row for part in parts] == [401, 2001]
+    assert [part.time_s[0] for part in parts] == [400.0, 1300.0]
+    assert all((np.diff(part.time_s) > 0.0).all() for part in parts)
+
+
 def test_from_and_until_on_the_command_line(lab, capsys):
     arguments = ["check", str(lab / "motor.toml"), str(lab / "drive.csv"), "--json"]
     main([*arguments, "--from", "5min", "--until", "3000"])
