@@ -322,6 +322,21 @@ def test_a_matrix_without_names_is_ranked_so_too(tmp_path):
     assert said["winding_degC"] == "log(:,2)"
 
 
+@pytest.mark.parametrize(
+    ("name", "evenly"),
+    [("No.", 1.0 + np.arange(TIME_S.size)), ("x", np.arange(TIME_S.size)),
+     ("Ah", 5.0 + 0.01 * TIME_S), ("Index", 10.0 * np.arange(TIME_S.size))],
+)  # fmt: skip
+def test_what_numbers_the_lines_or_is_a_charge_is_no_time(tmp_path, name, evenly):
+    columns = {name: evenly, "T_winding": COIL, "T_amb": ROOM, "I_rms [A]": CURRENT}
+    path = named(tmp_path, columns)
+    assert "time_s" not in live(accepted(path))
+    (gap,) = [one for one in gaps([survey(path)]) if one.channel == "time_s"]
+    assert not gap.is_answered
+    if name in ("No.", "x"):
+        assert "it numbers the lines" in note_on(text_of(path), name)
+
+
 def test_a_board_that_is_warmer_than_the_winding_began_is_no_room(tmp_path):
     board = 40.0 + 0.5 * np.sin(TIME_S / 500.0)
     columns = {"t [s]": TIME_S, "I_rms [A]": CURRENT, "temperature": board, "T_winding": COIL}
