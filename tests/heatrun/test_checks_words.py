@@ -58,6 +58,17 @@ def test_a_long_test_is_not_called_too_short_for_its_length(monkeypatch):
     assert "between 331 and 2446 s" in finding.message
 
 
+def test_a_slow_constant_that_may_be_the_fast_one_leaves_that_open_too(monkeypatch):
+    record = at(CLEAN, CLEAN.time_s < 80.0)
+    quick = quick_fit(CLEAN, MOTOR)
+    assert quick is not None
+    unsure = replace(quick, taus_s=(9.7, 54.0), log_sd=0.9)
+    monkeypatch.setattr(excitation, "quick_fit", lambda *_: unsure)
+    (finding,) = excitation.too_short(record, MOTOR)
+    assert (finding.values["fast_from_s"], finding.values["fast_to_s"]) == (9.7, 54.0)
+    assert "from 9 s on" in finding.message
+
+
 @pytest.mark.parametrize("minutes", [2.0, 3.0, 5.0])
 def test_minutes_tell_no_slow_constant(minutes):
     """Of a winding of 90 s and a stator of half an hour."""
