@@ -656,3 +656,9 @@ def test_a_winding_as_cold_as_the_room_is_not_exchanged_with_its_housing():
     (finding,) = [one for one in check_record(record, MOTOR) if one.id == "sensor_detached"]
     assert "less than its housing under load" in finding.message
     assert "exchanged" not in finding.sentence()
+
+
+def test_losses_that_are_missing_for_a_while_are_checked_for_completeness():
+    record = edited(CLEAN, "losses_W", 1000.0, 1130.0, lambda P: -0.001 * P)
+    (finding,) = named(check_record(record, MOTOR), "losses_below_copper")
+    assert finding.remedy.startswith("Check whether the losses are complete, and ")
