@@ -222,6 +222,14 @@ X_Value\tCoil\tPhase\tComment
 """
 
 
+def test_labview_measurement_without_times_and_with_a_decimal_comma(tmp_path):
+    head = LVM.replace(".", ",").replace("One", "No")
+    text = rows(SECONDS, "\t{T}\t{I}\t").replace(".", ",")
+    record = read_record(written(tmp_path, head + text, "test.lvm"))
+    np.testing.assert_array_equal(record.time_s, 5.0 * np.arange(N))
+    np.testing.assert_array_equal(record["winding_degC"], TEMPERATURE)
+
+
 def test_labview_measurement_with_a_comment_at_one_sample(tmp_path):
     text = rows(SECONDS, "{time}\t{T}\t{I}").replace("\t17.5\n", "\t17.5\tload on\n", 1)
     path = written(tmp_path, LVM + text, "test.lvm")
@@ -275,6 +283,21 @@ def test_the_same_header_again_is_a_restart_of_the_logger(tmp_path):
     assert (finding.id, finding.values["first_sample"]) == ("logger_restarted", 7)
     assert "[tests.test] use_rows = [[1, 7], [8, 12]]" in finding.remedy
     assert survey(path).findings[0].id == "logger_restarted"
+
+
+@pytest.mark.parametrize("units", ["s\t°C\tA\n", "Units\t°C\tA\n"])
+def test_the_same_header_with_other_units_is_refused(tmp_path, units):
+    lines = rows(SECONDS, "{time}\t{T}\t{I}").split("\n")
+    names = "t\tCoil\tPhase\n"
+
+    def text(*heads):
+        return "\n".join([heads[0] + "\n".join(lines[:7]), heads[1] + "\n".join(lines[7:])])
+
+    again = written(tmp_path, text(names + units, names + units))
+    assert by_name(again)["Coil"].values.size == N
+    other = written(tmp_path, text(names + units, names + units.replace("°C", "°F")))
+    with pytest.raises(InputError, match="units"):
+        by_name(other)
 
 
 TABLES_OF_CHANNELS = {
