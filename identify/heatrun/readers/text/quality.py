@@ -24,7 +24,7 @@ NOT_GOOD = (
     r"(?:bad|uncertain|questionable|invalid|not (?:good|valid)|schlecht|ungültig|unsicher|"
     r"non (?:valid|buon)[oae]|cattiv[oa]|incert[oaei]|mauvaise?|invalide|douteu(?:x|se))\b.*"
 )
-"""Cells of a column of marks, in lower case; each of its cells is one of them, or empty."""
+"""Cells of a column of marks, in lower case: each is one of them, and few are empty."""
 
 IS_QUALITY = re.compile(r"quality|statuscode|qualität|qualità|qualité")
 IS_VALID = re.compile(r"validity|valid|gültig|valido")
@@ -105,10 +105,12 @@ def _not_good(cells: pd.Series, name: str) -> np.ndarray | None:
     if pd.api.types.is_numeric_dtype(cells.dtype):
         return _not_good_codes(cells.to_numpy(dtype=float), name.casefold())
     texts = cells.astype(object).where(cells.notna(), "").astype(str).str.strip().str.lower()
+    if 2 * np.sum(texts != "") < texts.size:  # remarks
+        return None
     known = texts.drop_duplicates()
     bad = known[known.str.fullmatch(NOT_GOOD)]
     others = known[~known.isin(bad)]
-    is_marks = (others.str.fullmatch(GOOD) | (others == "")).all() and (known != "").any()
+    is_marks = (others.str.fullmatch(GOOD) | (others == "")).all()
     return texts.isin(bad).to_numpy() if is_marks else None
 
 
