@@ -455,6 +455,18 @@ def test_calibrate_without_a_motor_file_asks_at_a_terminal(tmp_path, monkeypatch
     assert "# Missing:" not in (tmp_path / "motor.toml").read_text(encoding="utf-8")
 
 
+def test_one_node_is_asked_neither_for_a_current_nor_for_a_resistance(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    columns = {"t [s]": TIME_S, "P_V [W]": LOSSES, "T_winding": COIL, "T_amb [°C]": ROOM}
+    path = named(tmp_path, columns)
+    with pytest.raises(InputError, match="phase_resistance_ohm"):
+        motor_of_tests([path], "calibrate")
+    (tmp_path / "motor.toml").unlink()
+    motor = load_motor(motor_of_tests([path], "calibrate", has_winding=False))
+    assert motor.phase_resistance_ohm is None
+    assert not motor.constants
+
+
 def test_a_channel_that_no_column_holds_is_named(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = named(tmp_path, {"t [s]": TIME_S, "I [A]": CURRENT, "P_V [W]": LOSSES})
