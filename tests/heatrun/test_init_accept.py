@@ -482,6 +482,7 @@ def test_calibrate_without_a_test_is_wrong_use(tmp_path, monkeypatch, capsys):
 
 
 WINDING_NAMES = (
+    "M1.T_winding", "M2_Tw", "M1.WINDING_TEMP",
     "Tcu", "T_cu", "T_Cu", "TCu", "Temp_Cu", "theta_Cu", "theta_w", "Theta_W", "theta_wdg",
     "Tw", "T_w", "Tw_m", "TW1", "T_wdg", "Twdg", "T_Wickl", "TWickl", "T_wind", "Twind",
     "T_wnd", "TWnd", "T_sw", "T_coil", "T_Kupfer", "Kupfertemperatur", "copper_temp",
@@ -495,8 +496,9 @@ OFFERED = {
         "WarnUeberstrom", "Verlernzaehler", "Status_EoHVL", "Zeitkonstante",
         "axis0.motor.current_control.Iq_setpoint", "HVTrafo_Phase1_Temp_Avg", "Gear_Oil_Temp_Avg",
         "Pcu", "n_el",),
-    "torque_Nm": ("Torque_w", "M", "Coppia", "トルク",),
-    "phase_current_A": ("T_current", "current_motor", "Grd_Prod_CurPhse2_Avg", "Irms1", "IphRms",
+    "torque_Nm": ("Torque_w", "M", "M1", "M1_filt", "M2.torque", "Coppia", "トルク",),
+    "phase_current_A": ("T_current", "M1.I_phase", "current_motor", "Grd_Prod_CurPhse2_Avg",
+        "Irms1", "IphRms",
         "Strangstrom", "Corrente di fase", "Courant de phase", "Corriente de fase", "モータ電流",
         "相电流",),
     "coolant_degC": ("Tw_in", "T_Wasser", "T_water", "Twater_in",),
