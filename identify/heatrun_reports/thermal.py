@@ -382,7 +382,7 @@ def _steady_row(found: Equilibrium, steady: SteadyRise) -> Row:
     name = wording(found.channel)
     return Row(
         f"{name.replace(' ', '_')}_steady_degC",
-        f"{_upper(name)} at rest, extrapolated",
+        f"{_upper(name)} in equilibrium, extrapolated",
         found.sink_degC + steady.rise_K,
         "°C",
         f"95 %: {low:.1f} … {high:.1f} °C; a rise of {steady.rise_K:.1f} K over a sink of "

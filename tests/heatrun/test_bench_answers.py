@@ -288,6 +288,26 @@ def test_the_first_order_needs_no_current(tmp_path, capsys, member):
     assert said["suitability"][0]["will_do"] is True
 
 
+@pytest.mark.parametrize("loaded_s", [0.0, 1500.0, 7200.0])
+def test_time_constants_are_those_of_the_part_without_load(tmp_path, capsys, loaded_s):
+    time_s = np.arange(0.0, 7200.0, 10.0)
+    later_s = np.maximum(time_s - loaded_s, 0.0)
+    fast_K, slow_K = (rise * np.exp(-later_s / tau) for rise, tau in ((10.0, 40.0), (60.0, 1000.0)))
+    before_K = 40.0 * np.exp(-time_s / 3000.0) - 40.0 * np.exp(-min(loaded_s, 7200.0) / 3000.0)
+    winding = 21.0 + fast_K + slow_K + np.where(time_s < loaded_s, before_K, 0.0)
+    is_on = time_s < loaded_s
+    rows = zip(time_s, winding, 20.0 * is_on, 60.0 * is_on, strict=True)
+    lines = HEAT_LINES | {"phase_current_A": "I [A]", "losses_W": "P [W]"}
+    lines.pop("ambient_degC", None)
+    motor, path = files_of(tmp_path, 0, HEAT, lines, "ambient_degC = 21")
+    text = "\n".join(",".join(f"{value:.2f}" for value in row) for row in rows)
+    path.write_text(f"t [s],T_w [°C],I [A],P [W]\n{text}", "utf-8")
+    _, said = answered(capsys, "check", motor, path)
+    (told,) = [one["values"] for one in said["findings"] if one["id"] == "no_heating"]
+    found = [told[name] for name in ("tau_fast_s", "tau_slow_s") if name in told]
+    np.testing.assert_allclose(found, [40.0, 1000.0] if loaded_s < 7200.0 else [], rtol=0.05)
+
+
 COOLING = {
     # name: (rises [K] and time constants [s], step [s], digits, [columns] and [constants])
     "a motor, zeros recorded": (((30.0, 60.0), (55.0, 1200.0)), 10.0, 2, True),

@@ -450,7 +450,7 @@ def test_losses_end_where_the_class_of_their_instruments_does(printed):
 
 def test_a_temperature_that_was_extrapolated_has_the_decimals_of_its_limits(printed):
     rows, _, _ = printed
-    value, unit, note = rows["Winding at rest, extrapolated"]
+    value, unit, note = rows["Winding in equilibrium, extrapolated"]
     assert unit == "°C"
     assert len(value.partition(".")[2]) == 1
     assert note.startswith("95 %: ")

@@ -15,6 +15,7 @@ from heat_runs import (
     LINK,
     MOTOR,
     as_columns,
+    at,
     changed,
     decided,
     edited,
@@ -55,6 +56,17 @@ def test_a_long_test_is_not_called_too_short_for_its_length(monkeypatch):
     assert finding.severity == "warning"
     assert "at least two" not in finding.message
     assert "between 331 and 2446 s" in finding.message
+
+
+def test_a_slow_constant_that_may_be_the_fast_one_leaves_that_open_too(monkeypatch):
+    record = at(CLEAN, CLEAN.time_s < 80.0)
+    quick = quick_fit(CLEAN, MOTOR)
+    assert quick is not None
+    unsure = replace(quick, taus_s=(9.7, 54.0), log_sd=0.9)
+    monkeypatch.setattr(excitation, "quick_fit", lambda *_: unsure)
+    (finding,) = excitation.too_short(record, MOTOR)
+    assert (finding.values["fast_from_s"], finding.values["fast_to_s"]) == (9.7, 54.0)
+    assert "from 9 s on" in finding.message
 
 
 @pytest.mark.parametrize("minutes", [2.0, 3.0, 5.0])
@@ -634,3 +646,19 @@ def test_a_winding_below_its_housing_all_along_is_told_by_its_cause(housing, say
     assert line in finding.remedy
     right = changed(SLOW, housing_degC=22.0 + 0.5 * (SLOW["winding_degC"] - 22.0))
     assert not [one for one in check_record(right, MOTOR) if one.severity == "error"]
+
+
+def test_a_winding_as_cold_as_the_room_is_not_exchanged_with_its_housing():
+    warm = at(SLOW, SLOW.time_s > 0.6 * SLOW.time_s[-1])
+    housing = 70.0 + 0.1 * (warm["winding_degC"] - warm["winding_degC"].min())
+    hangs = warm["ambient_degC"] + 4.0 + 0.05 * (warm["winding_degC"] - warm["winding_degC"].min())
+    record = changed(warm, winding_degC=hangs, housing_degC=housing)
+    (finding,) = [one for one in check_record(record, MOTOR) if one.id == "sensor_detached"]
+    assert "less than its housing under load" in finding.message
+    assert "exchanged" not in finding.sentence()
+
+
+def test_losses_that_are_missing_for_a_while_are_checked_for_completeness():
+    record = edited(CLEAN, "losses_W", 1000.0, 1130.0, lambda P: -0.001 * P)
+    (finding,) = named(check_record(record, MOTOR), "losses_below_copper")
+    assert finding.remedy.startswith("Check whether the losses are complete, and ")

@@ -312,6 +312,19 @@ def test_missing_readings_outside_a_mask_are_still_told(lab):
     assert "[tests.drive] mask = [[1000.0, 1599.0], [2000.0, 2400.0]]" in found[0].remedy
 
 
+def test_lines_that_hold_a_time_alone_are_a_gap(lab):
+    table = pd.read_csv(lab / "drive.csv")
+    values = [name for name in table.columns if name != "time_s"]
+    table.loc[[300, *range(1500, 2201)], values] = np.nan
+    table.to_csv(lab / "drive.csv", index=False)
+    motor = machine("[tests.drive]\nmask = [[1600, 1700]]\n")  # within it
+    found = [one for part in read_tests(lab / "drive.csv", motor)
+             for one in check_record(part, motor)]  # fmt: skip
+    (gap,) = [one for one in found if one.id == "time_gap"]
+    assert (gap.values["from_s"], gap.values["to_s"]) == (1499.0, 2201.0)
+    assert {one.severity for one in found if one.id == "nan_block"} == {"note"}
+
+
 @pytest.mark.parametrize(("num_missing", "severity"), [(15, "note"), (60, "error")])
 def test_blanked_readings_shorter_than_a_block_are_no_error(lab, num_missing, severity):
     table = pd.read_csv(lab / "drive.csv")
@@ -352,6 +365,23 @@ def test_what_a_finding_advises_can_be_done(lab, id, key, change, sizes):
     assert [part.time_s.size for part in parts] == sizes
     for part in parts:
         assert not findings(part, motor, id)
+
+
+@pytest.mark.parametrize("used", ["use_rows = [[401, 3401]]", "use = [[400, 1999]]"])
+def test_a_clock_that_was_set_back_within_a_part_is_split_there(lab, used):
+    table = pd.read_csv(lab / "drive.csv")
+    late = table.time_s >= 2000
+    table.assign(time_s=table.time_s.where(~late, table.time_s - 700)).to_csv(
+        lab / "drive.csv", index=False
+    )
+    given = machine(f"[tests.drive]\n{used}\n")
+    (found,) = findings(read_test(lab / "drive.csv", given), given, "time_backwards")
+    (lines,) = re.findall(r"use_rows = \[\[.*\]\]", found.remedy)
+    assert ("in place of use" in found.remedy) == ("rows" not in used)
+    parts = read_tests(lab / "drive.csv", machine(f"[tests.drive]\n{lines}\n"))
+    assert [part.first_row for part in parts] == [401, 2001]
+    assert [part.time_s[0] for part in parts] == [400.0, 1300.0]
+    assert all((np.diff(part.time_s) > 0.0).all() for part in parts)
 
 
 def test_from_and_until_on_the_command_line(lab, capsys):

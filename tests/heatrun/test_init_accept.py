@@ -322,6 +322,21 @@ def test_a_matrix_without_names_is_ranked_so_too(tmp_path):
     assert said["winding_degC"] == "log(:,2)"
 
 
+@pytest.mark.parametrize(
+    ("name", "evenly"),
+    [("No.", 1.0 + np.arange(TIME_S.size)), ("x", np.arange(TIME_S.size)),
+     ("Ah", 5.0 + 0.01 * TIME_S), ("Index", 10.0 * np.arange(TIME_S.size))],
+)  # fmt: skip
+def test_what_numbers_the_lines_or_is_a_charge_is_no_time(tmp_path, name, evenly):
+    columns = {name: evenly, "T_winding": COIL, "T_amb": ROOM, "I_rms [A]": CURRENT}
+    path = named(tmp_path, columns)
+    assert "time_s" not in live(accepted(path))
+    (gap,) = [one for one in gaps([survey(path)]) if one.channel == "time_s"]
+    assert not gap.is_answered
+    if name in ("No.", "x"):
+        assert "it numbers the lines" in note_on(text_of(path), name)
+
+
 def test_a_board_that_is_warmer_than_the_winding_began_is_no_room(tmp_path):
     board = 40.0 + 0.5 * np.sin(TIME_S / 500.0)
     columns = {"t [s]": TIME_S, "I_rms [A]": CURRENT, "temperature": board, "T_winding": COIL}
@@ -440,6 +455,18 @@ def test_calibrate_without_a_motor_file_asks_at_a_terminal(tmp_path, monkeypatch
     assert "# Missing:" not in (tmp_path / "motor.toml").read_text(encoding="utf-8")
 
 
+def test_one_node_is_asked_neither_for_a_current_nor_for_a_resistance(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    columns = {"t [s]": TIME_S, "P_V [W]": LOSSES, "T_winding": COIL, "T_amb [°C]": ROOM}
+    path = named(tmp_path, columns)
+    with pytest.raises(InputError, match="phase_resistance_ohm"):
+        motor_of_tests([path], "calibrate")
+    (tmp_path / "motor.toml").unlink()
+    motor = load_motor(motor_of_tests([path], "calibrate", has_winding=False))
+    assert motor.phase_resistance_ohm is None
+    assert not motor.constants
+
+
 def test_a_channel_that_no_column_holds_is_named(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = named(tmp_path, {"t [s]": TIME_S, "I [A]": CURRENT, "P_V [W]": LOSSES})
@@ -455,6 +482,7 @@ def test_calibrate_without_a_test_is_wrong_use(tmp_path, monkeypatch, capsys):
 
 
 WINDING_NAMES = (
+    "M1.T_winding", "M2_Tw", "M1.WINDING_TEMP",
     "Tcu", "T_cu", "T_Cu", "TCu", "Temp_Cu", "theta_Cu", "theta_w", "Theta_W", "theta_wdg",
     "Tw", "T_w", "Tw_m", "TW1", "T_wdg", "Twdg", "T_Wickl", "TWickl", "T_wind", "Twind",
     "T_wnd", "TWnd", "T_sw", "T_coil", "T_Kupfer", "Kupfertemperatur", "copper_temp",
@@ -468,8 +496,9 @@ OFFERED = {
         "WarnUeberstrom", "Verlernzaehler", "Status_EoHVL", "Zeitkonstante",
         "axis0.motor.current_control.Iq_setpoint", "HVTrafo_Phase1_Temp_Avg", "Gear_Oil_Temp_Avg",
         "Pcu", "n_el",),
-    "torque_Nm": ("Torque_w", "M", "Coppia", "トルク",),
-    "phase_current_A": ("T_current", "current_motor", "Grd_Prod_CurPhse2_Avg", "Irms1", "IphRms",
+    "torque_Nm": ("Torque_w", "M", "M1", "M1_filt", "M2.torque", "Coppia", "トルク",),
+    "phase_current_A": ("T_current", "M1.I_phase", "current_motor", "Grd_Prod_CurPhse2_Avg",
+        "Irms1", "IphRms",
         "Strangstrom", "Corrente di fase", "Courant de phase", "Corriente de fase", "モータ電流",
         "相电流",),
     "coolant_degC": ("Tw_in", "T_Wasser", "T_water", "Twater_in",),

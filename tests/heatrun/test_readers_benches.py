@@ -222,6 +222,14 @@ X_Value\tCoil\tPhase\tComment
 """
 
 
+def test_labview_measurement_without_times_and_with_a_decimal_comma(tmp_path):
+    head = LVM.replace(".", ",").replace("One", "No")
+    text = rows(SECONDS, "\t{T}\t{I}\t").replace(".", ",")
+    record = read_record(written(tmp_path, head + text, "test.lvm"))
+    np.testing.assert_array_equal(record.time_s, 5.0 * np.arange(N))
+    np.testing.assert_array_equal(record["winding_degC"], TEMPERATURE)
+
+
 def test_labview_measurement_with_a_comment_at_one_sample(tmp_path):
     text = rows(SECONDS, "{time}\t{T}\t{I}").replace("\t17.5\n", "\t17.5\tload on\n", 1)
     path = written(tmp_path, LVM + text, "test.lvm")
@@ -275,6 +283,21 @@ def test_the_same_header_again_is_a_restart_of_the_logger(tmp_path):
     assert (finding.id, finding.values["first_sample"]) == ("logger_restarted", 7)
     assert "[tests.test] use_rows = [[1, 7], [8, 12]]" in finding.remedy
     assert survey(path).findings[0].id == "logger_restarted"
+
+
+@pytest.mark.parametrize("units", ["s\t°C\tA\n", "Units\t°C\tA\n"])
+def test_the_same_header_with_other_units_is_refused(tmp_path, units):
+    lines = rows(SECONDS, "{time}\t{T}\t{I}").split("\n")
+    names = "t\tCoil\tPhase\n"
+
+    def text(*heads):
+        return "\n".join([heads[0] + "\n".join(lines[:7]), heads[1] + "\n".join(lines[7:])])
+
+    again = written(tmp_path, text(names + units, names + units))
+    assert by_name(again)["Coil"].values.size == N
+    other = written(tmp_path, text(names + units, names + units.replace("°C", "°F")))
+    with pytest.raises(InputError, match="units"):
+        by_name(other)
 
 
 TABLES_OF_CHANNELS = {
@@ -397,3 +420,74 @@ def test_a_clock_that_runs_back_in_a_pair_is_left_as_a_question(tmp_path):
     lines = "\n".join(f"{2 * i},{TEMPERATURE[i]},{i % 5},{CURRENT[i]}" for i in range(N))
     with pytest.raises(InputError, match="both stand for time_s"):
         read_record(written(tmp_path, f"Time [s],Coil [°C],Time [s],I_rms [A]\n{lines}"))
+
+
+MARKED = slice(5, 8)
+"""Readings that the historian marks."""
+
+
+def marked(good, bad, num=N):
+    """Return a column of marks, of which the readings `MARKED` are not good."""
+    marks = [good] * num
+    marks[MARKED] = [bad] * (MARKED.stop - MARKED.start)
+    return marks
+
+
+@pytest.mark.parametrize(
+    ("head", "good", "bad"),
+    [("Time [s],Coil [°C],Coil Quality,I_rms [A],I_rms Quality", "Good", "Bad - Comm Failure"),
+     ("Time [s],Coil [°C],Coil.Quality,I_rms [A],I_rms.Quality", "192", "24"),
+     ("Time [s],Coil [°C],Quality,I_rms [A],Quality", "Good [Annotated]", "Uncertain"),
+     ("Time [s],Coil [°C],Coil_valid,I_rms [A],I_rms_valid", "1", "0"),
+     ("Time [s],Coil [°C],Status Coil,I_rms [A],Status I_rms", "gut", "schlecht"),
+     ("Time [s],Coil [°C],Coil StatusCode quality,I_rms [A],I_rms StatusCode quality", "0",
+      "2147483648")],
+)  # fmt: skip
+def test_a_reading_marked_as_not_good_is_missing(tmp_path, head, good, bad):
+    marks = marked(good, bad)
+    body = "\n".join(f"{2 * i},{TEMPERATURE[i]},{marks[i]},{CURRENT[i]},{good}" for i in range(N))
+    record = read_record(written(tmp_path, f"{head}\n{body}"))
+    assert np.flatnonzero(np.isnan(record["winding_degC"])).tolist() == [5, 6, 7]
+    np.testing.assert_array_equal(record["phase_current_A"], CURRENT)
+    (finding,) = [one for one in record.findings if one.id == "unreadable_cells"]
+    assert finding.severity == "warning"
+    assert finding.values == {"count": 3, "first_line": 7}
+    assert f"3 of {N} readings are marked" in finding.message
+    assert bad in finding.message
+
+
+def test_one_column_of_marks_is_that_of_its_line(tmp_path):
+    marks = marked("OK", "Bad")
+    body = "\n".join(f"{2 * i},{TEMPERATURE[i]},{CURRENT[i]},{marks[i]}" for i in range(N))
+    record = read_record(written(tmp_path, f"Time [s],Coil [°C],I_rms [A],State\n{body}"))
+    for channel in ("winding_degC", "phase_current_A"):
+        assert np.flatnonzero(np.isnan(record[channel])).tolist() == [5, 6, 7]
+    np.testing.assert_array_equal(record.time_s, 2.0 * np.arange(N))
+    (finding,) = record.findings
+    assert finding.where.endswith("columns Coil [°C], I_rms [A]")
+
+
+@pytest.mark.parametrize(
+    ("name", "good", "bad"),
+    [
+        ("Status", "OK", "Fault"),
+        ("Relay", "1", "0"),
+        ("valid runs", "3", "4"),
+        ("Quality", "7", "9"),
+    ],
+)
+def test_other_states_say_nothing_of_a_reading(tmp_path, name, good, bad):
+    marks = marked(good, bad)
+    body = "\n".join(f"{2 * i},{TEMPERATURE[i]},{CURRENT[i]},{marks[i]}" for i in range(N))
+    record = read_record(written(tmp_path, f"Time [s],Coil [°C],I_rms [A],{name}\n{body}"))
+    np.testing.assert_array_equal(record["winding_degC"], TEMPERATURE)
+
+
+def test_the_mark_of_a_sample_of_a_tag_is_its_own(tmp_path):
+    clock = 2.0 * np.arange(N)
+    lines = by_tag(clock, clock).split("\n")
+    lines[11] = lines[11].removesuffix("192") + "0"  # the sixth reading of the winding
+    record = read_record(written(tmp_path, "\n".join(lines)), Motor("M", columns=COLUMNS))
+    assert np.flatnonzero(np.isnan(record["winding_degC"])).tolist() == [5]
+    assert any("1 of" in one.message for one in record.findings if one.id == "unreadable_cells")
+    np.testing.assert_array_equal(record["phase_current_A"], CURRENT)

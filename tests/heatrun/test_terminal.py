@@ -88,6 +88,11 @@ def test_a_result_is_told_in_a_dozen_lines_and_the_rest_on_demand(stored):
     )
     assert "Time constants: 91.8 s (90.6 … 92.9) and 1820 s (1720 … 1920), losses held" in lines[6]
     assert lines[-2].startswith("Next: heatrun simulate data/synthetic/motor.toml runs/demo TEST")
+    narrow = replace(stored, models=dict(stored.models))
+    second = narrow.models["second"]
+    slow = replace(second.derived["tau_slow_s"], value=1038.8, interval_95=(1036.31, 1041.22))
+    narrow.models["second"] = replace(second, derived=second.derived | {"tau_slow_s": slow})
+    assert "and 1038.8 s (1036.3 … 1041.2)" in result_text(narrow).splitlines()[6]
     foreign = ("posterior", "Pareto", "Bayes", "evidence", "MCMC", "ESS")
     assert not any(word in line for word in foreign for line in lines)
     whole = result_text(stored, "runs/demo", verbose=True)

@@ -27,6 +27,7 @@ from ..record.samples import (
     sink_channel,
     with_all_heat,
 )
+from ..record.stretch import runs
 from .quick_fit import solved_decays
 
 BLOCK_S = 30.0
@@ -50,7 +51,10 @@ SHORTEST_TAU, LONGEST_TAU, NUM_TAU = 0.1, 20.0, 60
 longest."""
 
 
-GRID, LOOKS, NEAR = 24, 7, 5
+MOST_BLOCKS = 400
+"""Means of a cool-down [1]."""
+
+GRID, LOOKS, NEAR = 24, 25, 9
 """Time constants that a cool-down is looked for with, how often, and how many of them on either
 side of the best the next look spans: the valley of two is narrow and bent."""
 
@@ -62,11 +66,24 @@ BETTER = 0.7
 
 
 def cooling_constants(record: Record, motor: Motor) -> tuple[float, ...]:
-    """Return the time constants of a cool-down [s], the fastest first: two, one or none."""
-    time_s, winding, sink = samples(record, "winding_degC", sink_channel(motor))
-    width_s = float(np.ptp(time_s)) / 400.0 if time_s.size else 0.0
-    if width_s <= 0.0:
+    """Return the time constants of a cool-down [s], the fastest first: two, one or none.
+
+    They are those of its longest part without load: under one it ends at no temperature that is
+    known. One as long as is looked for is none that the record shows.
+    """
+    loads = ["losses_W"] * ("losses_W" in record)
+    time_s, winding, sink, *losses = samples(
+        with_all_heat(record, motor), "winding_degC", sink_channel(motor), *loads
+    )
+    if losses:
+        parts = [(0, 0), *zip(*runs(~is_loaded(losses[0])), strict=True)]
+        begin, end = max(parts, key=lambda part: part[1] - part[0])
+        time_s, winding, sink = (each[begin:end] for each in (time_s, winding, sink))
+    if time_s.size < MIN_BLOCKS:
         return ()
+    step_s = float(np.median(np.diff(time_s)))
+    # whole steps, so that each mean is of as many samples; a hair less than they, for their edge
+    width_s = step_s * max(1.0, np.ceil(np.ptp(time_s) / (MOST_BLOCKS * step_s))) * (1.0 - 1e-9)
     time_s, excess = block_means(time_s, width_s, winding - sink)
     time_s = time_s - time_s[0]
     if time_s.size < MIN_BLOCKS:
@@ -76,7 +93,7 @@ def cooling_constants(record: Record, motor: Motor) -> tuple[float, ...]:
     found = [_decays(time_s, excess, grid, num) for num in (1, 2)]
     (one, alone), (two, both) = found
     is_two = both < BETTER * alone and two[1] > APART * two[0] and two[1] < longest_s
-    return tuple(float(tau) for tau in (two if is_two else one))
+    return tuple(float(tau) for tau in (two if is_two else one) if tau < longest_s)
 
 
 def _decays(

@@ -107,6 +107,8 @@ def too_short(record: Record, motor: Motor) -> Iterator[Finding]:
     is_one = fit.tau_s < APART * fast_s and fit.log_sd > 0.5 * UNKNOWN_LOG_SD
     is_open = fit.log_sd > UNKNOWN_LOG_SD and high > to_s - from_s
     is_open |= is_one and constants < max(KNOWN_CONSTANTS)
+    # a slow one as short as the test would show, if it were none of the fast ones
+    is_one |= constants >= FEW_CONSTANTS and low < APART * fast_s
     is_short = constants < FEW_CONSTANTS or fit.log_sd > UNKNOWN_LOG_SD or is_open
     if constants >= ENOUGH_CONSTANTS and not is_short:
         return

@@ -127,7 +127,7 @@ def losses_below_copper(record: Record, motor: Motor) -> Iterator[Finding]:
         f"under current they are {share_in_words(typical)}. Every thermal resistance and "
         "capacity would be biased.",
         place(record, "losses_W", from_s, to_s),
-        f"Check {', '.join(text for most, text in EXPLANATIONS if most > typical)}, and whether "
+        f"Check {', '.join(text for most, text in EXPLANATIONS if most >= typical)}, and whether "
         "torque and power have one scale ([parameters.shaft_power_gain] sd says how far they may "
         "differ).",
         values={

@@ -282,7 +282,7 @@ def _falls(time_s: np.ndarray, temperature: np.ndarray, sink: np.ndarray) -> np.
 
 WHENEVER_LOADED, RISES_TOO = 0.95, 0.2
 """Share of the loaded time [1] in which a winding reads less than its housing that stands for it,
-and its swing over the housing's [1]: that of a sensor in the air is none."""
+and its swing and its rise over the housing's [1]: those of a sensor in the air are none."""
 
 
 def sensor_detached(record: Record, motor: Motor, looked: Looked) -> Iterator[Finding]:
@@ -354,7 +354,11 @@ def _fallen(record: Record, motor: Motor, moved: Movement | None) -> Finding | N
     below, past_it = int(first[lasting[0]]), int(past[lasting[0]])
     loaded = is_loaded(losses)
     is_less = float(np.mean((winding < housing + room)[loaded])) > WHENEVER_LOADED
-    if is_less and np.ptp(winding[loaded]) > RISES_TOO * np.ptp(housing[loaded]):
+    known_s, known = samples(record, sink_channel(motor))
+    sink = np.interp(time_s, known_s, known) if known_s.size else 0.0
+    pair = (np.array([winding, housing]) - sink)[:, loaded]
+    moves = np.array([np.ptp(pair, axis=1), np.max(pair, axis=1)])
+    if is_less and np.all(moves[:, 0] > RISES_TOO * moves[:, 1]):
         return _exchanged(record, winding, housing)
     for jump in jumps_at_once(record, motor):
         if jump.severity == "error" and (jump.values["from_s"] or 0.0) <= time_s[below]:

@@ -63,8 +63,10 @@ def time_backwards(record: Record, motor: Motor) -> Iterator[Finding]:
     is_again = any(is_told_by_clock(one, record, row) for one in record.findings)
     again = " The header stands there again: the logger was started again." if is_again else ""
     ends = [0, *(int(measured[each]) + 1 for each in back), rows]
-    parts = tuple((a + 1, b) for a, b in itertools.pairwise(ends))
-    line = MotorFileLine(section_of(record), "use_rows", parts)
+    above = max(record.first_row - 1, 0)  # rows of the file that do not count
+    parts = tuple((above + a + 1, above + b) for a, b in itertools.pairwise(ends))
+    line = MotorFileLine(section_of(record), "use_rows", parts, bool(record.part_of))
+    is_by_time = record.stretch and "row" not in record.stretch
     doubt = "Check whether the clock was set, or the file holds two tests. If so, read"
     yield Finding(
         "time_backwards",
@@ -73,7 +75,12 @@ def time_backwards(record: Record, motor: Motor) -> Iterator[Finding]:
         f"to {time_s[first + 1]:.3f} s ({back.size} such steps): the order of the samples is "
         f"not known.{again}",
         place(record, "time_s", float(time_s[first])),
-        Remedy("Read" if is_again else doubt, " the parts as tests: ", line, "."),
+        Remedy(
+            "Read" if is_again else doubt,
+            " the parts as tests: ",
+            line,
+            ", in place of use." if is_by_time else ".",
+        ),
         values={
             "num_steps": float(back.size),
             "sample": float(first + 1),

@@ -126,12 +126,18 @@ def write(out: Path, text: str) -> None:
         write_whole(out, content)
 
 
-def motor_of_tests(tests: Sequence[Path], command: str) -> Path:
+OF_COPPER = ("phase_resistance_ohm", "phase_current_A", "i_d_A", "i_q_A")
+"""What the copper loss alone needs."""
+
+
+def motor_of_tests(tests: Sequence[Path], command: str, *, has_winding: bool = True) -> Path:
     """Write the motor file of tests that come without one, and ask for the numbers that it lacks.
 
     Args:
         tests: As the command line names them.
         command: The command that needs it.
+        has_winding: Whether a network has a node that the copper loss heats; without, neither
+            current nor resistance is asked for.
 
     Returns:
         The motor file.
@@ -150,6 +156,7 @@ def motor_of_tests(tests: Sequence[Path], command: str) -> Path:
         raise InputError("There is a motor file already.", where=str(out), remedy=f"{again}")
     surveys = look_at(tests, out)
     missing = [gap for gap in gaps(surveys) if not gap.is_answered]
+    missing = [gap for gap in missing if has_winding or (gap.channel or gap.key) not in OF_COPPER]
     may_ask = all(gap.number for gap in missing) and sys.stdin.isatty()
     numbers = {gap.channel or gap.key: _asked(gap) for gap in missing if may_ask}
     write(out, draft(name_of(surveys), surveys, is_accepted=True, numbers=numbers))

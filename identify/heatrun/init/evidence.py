@@ -53,6 +53,9 @@ not quite cold may begin [K], from a column that stays at one number as well."""
 UNEVEN = 0.05
 """Of the median step of a time [1]: nine steps of ten differ by no more."""
 
+NUMBERS_THE_LINES = 'it numbers the lines: with one each second, time_s = "rate 1 Hz"'
+"""Why a column that counts by ones from the first line on is no time."""
+
 LOADS = ("phase_current_A", "losses_W", "electrical_power_W", "dc_current_A", "torque_Nm", "i_q_A")
 
 BY_NAME = "canonical name"
@@ -151,8 +154,11 @@ def _guessed(
     steps = np.diff(own)
     if steps.size > 20 and np.all(steps > 0.0):
         is_even = np.ptp(np.quantile(steps, (0.05, 0.95))) <= UNEVEN * np.median(steps)
-        is_time = is_even and "time_s" not in told
-        return _as(column, "time_s", "s", "rises evenly") if is_time else column
+        if not is_even or "time_s" in told:
+            return column
+        if own[0] in (0.0, 1.0) and np.all(steps == 1.0):
+            return replace(column, remark=NUMBERS_THE_LINES)
+        return _as(column, "time_s", "s", "rises evenly")
     if not told.isdisjoint(LOADS) or not _is_load(column, values):
         return column
     for other in free:

@@ -293,6 +293,7 @@ class FreeColumn:
         """Nothing but its course says what it is."""
         # "log 1", the first column of a matrix, is no share
         is_named = any(one.score or one.unit != "1" for one in self.proposals)
+        is_named |= bool(read_name(self.name).meanings & {"other_quantity", "bookkeeping"})
         return not (is_named or self.unit or self.remark) and self.course is not None
 
     @property

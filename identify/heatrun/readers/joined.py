@@ -30,6 +30,7 @@ from ..record.stretch import (
     cut,
     mask,
     move_load,
+    runs,
     stretch_of,
     windows_in,
     with_seen_start,
@@ -251,6 +252,7 @@ def over_gaps(record: Record, load: GapLoad | None, *, splits: bool) -> tuple[Re
     Returns:
         One record, or several without a name of their own yet.
     """
+    record = _without_empty(record)
     time_s = record.time_s
     steps = np.diff(time_s)
     if time_s.size < 3 or not np.all(steps > 0.0):  # NaN is no number above 0 either
@@ -282,6 +284,22 @@ def over_gaps(record: Record, load: GapLoad | None, *, splits: bool) -> tuple[Re
             for one, finding in zip(found[1:], told, strict=True)
         ),
     )
+
+
+def _without_empty(record: Record) -> Record:
+    """Return a record without the stretches in which it holds a time and no value: they are gaps.
+
+    Parts that are named by rows keep theirs.
+    """
+    read = {one.channel for one in record.mapping} - {"time_s"}
+    values = [record[name] for name in read if name in record]
+    if record.first_row or not values:
+        return record
+    is_kept = np.any(np.isfinite(values), axis=0)
+    for first, past in zip(*runs(~is_kept), strict=True):
+        is_kept[first:past] |= past - first < GAP_STEPS
+    channels = {name: column[is_kept] for name, column in record.channels.items()}
+    return replace(record, channels=channels)
 
 
 def _goes_on(record: Record, at: int) -> bool:

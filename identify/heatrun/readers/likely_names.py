@@ -289,6 +289,10 @@ def read_name(name: str) -> Spoken:
     if name in UNITS_ALONE:
         return Spoken(frozenset(UNITS_ALONE[name].split()), False, False)
     words = _words(name)
+    if len(words) > 2 and words[0] in ("M", "m") and words[1].isdigit():  # "M1.T_w", of a motor
+        own = read_name(" ".join(words[2:]))
+        if own.meanings & (QUANTITY.keys() | {*BODIES}):
+            return own
     meanings: set[str] = set()
     by_symbol, is_clear, place = "", bool(words), 0
     while place < len(words):

@@ -57,7 +57,9 @@ FINDINGS: dict[str, Kind] = {
     "missing_channel": Kind("A channel that every fit needs is missing."),
     "too_few_samples": Kind("Fewer samples than a fit needs."),
     "text_for_numbers": Kind("A column holds text where numbers are expected."),
-    "unreadable_cells": Kind("Some cells of a column are no numbers; they count as missing."),
+    "unreadable_cells": Kind(
+        "Some cells of a column are no numbers, or marked as not good; they count as missing."
+    ),
     "ragged_rows": Kind("Some rows have more or fewer cells than the table."),
     "rows_missing": Kind("The file ends, or was cut, within its rows."),
     "rows_above": Kind("Lines of numbers stand above the names of the columns."),

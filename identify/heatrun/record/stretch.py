@@ -157,11 +157,16 @@ def cut(record: Record, stretch: Stretch, said_by: str) -> Record:
             where=f"{record.name}, {said_by}",
             remedy="Times are counted from the first sample of the file.",
         )
+    first_row = int(stretch.start) if stretch.in_rows else 0
+    if not stretch.in_rows and np.any(np.diff(record.time_s[kept]) < 0.0):
+        rows = np.flatnonzero(kept)  # a time that comes twice names no part: all between counts
+        kept[rows[0] : rows[-1] + 1] = True
+        first_row = int(rows[0]) + 1
     channels = {name: values[kept] for name, values in record.channels.items()}
     note = f"of {kept.size} samples the {int(kept.sum())} of {stretch} are used: {said_by}"
     return replace(
         record, channels=channels, notes=(*record.notes, note), stretch=str(stretch),
-        first_row=int(stretch.start) if stretch.in_rows else 0,
+        first_row=first_row,
     )  # fmt: skip
 
 

@@ -90,7 +90,7 @@ def result_text(result: FitResult, run: str = "RUN", *, verbose: bool = False) -
     lines = verdict_lines(result)
     lines += _parameters(result, model)
     taus = [
-        f"{rounded(tau.median)} s ({' … '.join(rounded(end) for end in tau.ends)})"
+        "{} s ({} … {})".format(*_told_apart(tau.median, *tau.ends))
         for name in ("tau_s", "tau_fast_s", "tau_slow_s")
         if (tau := model.derived.get(name)) is not None and not math.isnan(tau.median)
     ]
@@ -111,6 +111,12 @@ def result_text(result: FitResult, run: str = "RUN", *, verbose: bool = False) -
         told = f"warnings ({', '.join(ids)}), " if ids else ""
         lines.append(f"With -v: {told}all networks, how each column was read.")
     return "\n".join(printable(line) for text in lines for line in text.split("\n"))
+
+
+def _told_apart(value: float, low: float, high: float) -> tuple[str, ...]:
+    """Return a value and its limits to three digits, or five where both limits are one in three."""
+    digits = 3 if rounded(low) != rounded(high) else 5
+    return tuple(rounded(one, digits) for one in (value, low, high))
 
 
 def verdict_lines(result: FitResult) -> list[str]:

@@ -7,7 +7,6 @@ joined at the times of the readings (`heatrun.record.raster.at_own_rates`).
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +17,7 @@ from ...io.quantities import printable
 from ...record.header import split_name
 from ...record.table import Column, Stated, Table, on_all_times
 from ...record.units import find_unit
+from .quality import letters
 
 TIMES = frozenset(("time", "timestamp", "datetime", "ts", "zeit", "zeitstempel"))
 TAGS = frozenset(
@@ -44,7 +44,7 @@ def by_tag(table: Table, cells: dict[str, pd.Series], where: str) -> Table:
         InputError: If a tag has two values at one time.
     """
     times, values = _named(TIMES, table), _named(VALUES, table)
-    tagged = [name for name in table.text_columns if _letters(name) in TAGS]
+    tagged = [name for name in table.text_columns if letters(name) in TAGS]
     if not (len(times) == len(values) == len(tagged) == 1):
         return table
     (time,), (value,), (tag,) = times, values, tagged
@@ -63,7 +63,7 @@ def by_tag(table: Table, cells: dict[str, pd.Series], where: str) -> Table:
             where=where,
             remedy="Export one motor and one test alone, or a column for each tag.",
         )
-    unit = next((cells[name] for name in table.text_columns if _letters(name) in UNITS), None)
+    unit = next((cells[name] for name in table.text_columns if letters(name) in UNITS), None)
     columns = [replace(time, values=moments, start=time.start if moments[0] == 0.0 else "")]
     for code, name in enumerate(map(printable, map(str, tags))):
         label, said = split_name(name)
@@ -102,9 +102,5 @@ def by_clock(table: Table) -> Table:
                    notes=(*table.notes, note))  # fmt: skip
 
 
-def _letters(name: str) -> str:
-    return re.sub(r"[\W_]", "", name.casefold())
-
-
 def _named(names: frozenset[str], table: Table) -> list[Column]:
-    return [column for column in table.columns if _letters(column.label) in names]
+    return [column for column in table.columns if letters(column.label) in names]

@@ -24,6 +24,7 @@ from .remarks import (
     is_remark,
     names_of_inputs,
     uncommented,
+    units_of_remarks,
     units_of_row,
 )
 from .values import (
@@ -174,7 +175,7 @@ class Layout:
         preamble: Lines above the header, and comments below it.
         first_line: Index of the first line of data, counted from 0.
         header: The line of names as it stands in the file.
-        above: How the lines above the data begin.
+        above: How the lines above the data begin, and those that tell units as they stand.
         num_optional: Columns at the end that a line may leave out, such as one of comments.
         num_settings: Lines of as many numbers above the names, under other names.
         called: What the logger calls its inputs, by column.
@@ -279,7 +280,19 @@ def find_layout(
         first,
         stated_decimal is None and is_unsettled(text, first, delimiter, decimal),
         lines[header].rstrip(),
-        frozenset(filter(None, (first_word(line, delimiter) for line in lines[:first]))),
+        frozenset(
+            filter(
+                None,
+                (
+                    lines[i].rstrip()
+                    if units_of_row(rows[i], rows[header])
+                    or any(units_of_remarks((lines[i],), names))
+                    else first_word(lines[i], delimiter)
+                    for i in range(first)
+                    if i != header
+                ),
+            )
+        ),
         num_optional,
         num_settings,
         names_of_inputs(rows[:header], names),

@@ -294,9 +294,9 @@ def _header_again(
 ) -> np.ndarray:
     """Return which lines among the data are the header again, shape (line,).
 
-    They are the line of names, word for word, and the lines around it that are blank or begin as
-    a line above the table does: a logger writes them when it starts again. The units are the same
-    then.
+    They are the line of names, word for word, and the lines around it that are blank, a line of
+    units that is the same, or begin as another line above the table does: a logger writes them when
+    it starts again.
     """
     found = np.zeros(ends.size, dtype=bool)
     first = _first_cells(body, ends, layout)
@@ -310,7 +310,12 @@ def _header_again(
     for line in np.flatnonzero(found):
         for step in (-1, 1):
             near = line + step
-            while 0 <= near < ends.size and (is_blank[near] or first(int(near)) in layout.above):
+            while 0 <= near < ends.size and (
+                is_blank[near]
+                or first(int(near)) in layout.above
+                or body[starts[near] : ends[near]].decode("utf-8", "replace").rstrip()
+                in layout.above
+            ):
                 found[near] = True
                 near += step
     return found

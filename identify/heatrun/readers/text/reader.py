@@ -32,6 +32,7 @@ from .lines import (
     ragged_lines,
     restarted,
 )
+from .quality import without_bad
 from .remarks import X_NAME, stated_raster, units_of_remarks
 from .values import MISSING, doubtful, read_values, signs_joined, unreadable_cells, unsettled_cells
 
@@ -190,6 +191,7 @@ def read_text(
     del text  # a gigabyte of it would be held while the cells are read
     frame = parsed_cells(body.text, layout, where)
     columns: list[Column] = []
+    places: list[int] = []
     texts: dict[str, str] = {}
     notes = [f"{PREAMBLE}{line}" for line in layout.preamble]
     if body.is_double_spaced:
@@ -224,6 +226,7 @@ def read_text(
                 rows = np.arange(body.numbers.size) if rows is None else rows
                 times = raster[0] + raster[1] * rows
                 columns.append(Column(name, label, "s", times, f"every {raster[1]:g} s, as stated"))
+                places.append(index)
             elif named:
                 texts[name] = ""
             continue
@@ -246,10 +249,13 @@ def read_text(
         column = Column(name, label, unit, values.numbers, values.note, beside,
                         question=values.question, start=values.start)  # fmt: skip
         columns.append(_called(column, layout.called.get(index)))
+        places.append(index)
         found = (unreadable_cells(values, name, body.numbers, where), doubtful(values, name, where))
         findings += [finding for finding in found if finding is not None]
     _refuse_second_header(unreadable, body.numbers, where)
     columns = _with_milliseconds(columns)
+    columns, bad = without_bad(columns, places, frame, layout.names, body.numbers, where)
+    findings += bad
     settled = next((columns[index] for index in asked if _is_hot(columns[index])), None)
     if settled is not None:
         notes.append(

@@ -228,7 +228,7 @@ def stated_raster(lines: Sequence[str]) -> tuple[float, float] | None:
     """Return start and step of the time [s] where LabVIEW states them in place of a column."""
     found = {}
     for line in lines:
-        head, *cells = PIECE.split(line)
+        head, *cells = line.split("\t") if "\t" in line else PIECE.split(line)
         key = head.strip().casefold()
         numbers = {cell.strip() for cell in cells if NUMBER.fullmatch(cell.strip())}
         if key in (X_START, X_STEP) and len(numbers) == 1:
