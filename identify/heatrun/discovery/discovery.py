@@ -229,9 +229,9 @@ def adequacy(engine: Engine, refit: Refit, closed_K: float = 0.0) -> Adequacy:
     )
 
 
-ENOUGH_VISIBLE = 0.55
+ENOUGH_VISIBLE = 0.5
 """Share of the heat effects that tests must be able to show for "nothing is missing" to mean
-anything [1]; on one constant load almost none can be seen."""
+anything [1]: half of them. One constant load shows 14 to 38 %, a staircase 52 % and more."""
 
 
 @dataclass(frozen=True)
