@@ -115,14 +115,17 @@ def _not_good(cells: pd.Series, name: str) -> np.ndarray | None:
 
 
 def _not_good_codes(codes: np.ndarray, name: str) -> np.ndarray | None:
+    is_valid = IS_VALID.search(name)
+    if not is_valid and not IS_QUALITY.search(name):
+        return None
     values = set(codes[np.isfinite(codes)].tolist())
-    if IS_VALID.search(name):
+    if is_valid:
         return codes == 0.0 if values <= {0.0, 1.0} else None
-    if not values or not IS_QUALITY.search(name):
+    if not values or min(values) < 0.0:
         return None
     if min(values) == 0.0 and all(value >= UA_NOT_GOOD for value in values - {0.0}):
         return codes >= UA_NOT_GOOD
-    return codes < DA_GOOD if min(values) >= 0.0 and DA_GOOD <= max(values) <= DA_MOST else None
+    return codes < DA_GOOD if DA_GOOD <= max(values) <= DA_MOST else None
 
 
 def _marked(place: int, num_marks: int, names: Sequence[str], read: Container[int]) -> list[int]:
