@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hidden_machines import machine
 
+from heatrun.discovery.discovery import Adequacy, verdict
 from heatrun.effects import engine as engine_module
 from heatrun.effects import search as search_module
 from heatrun.effects.engine import Candidate, Engine, white
@@ -229,6 +230,11 @@ def test_what_is_allowed_for_is_told_apart_from_what_is_named(searched):
     (finding,) = asked_findings(found, is_plain=False)
     assert "ask for sensor_lag (100 %): these are in the model" in finding.message
     assert "The model allows for speed_cooling too" in finding.message
+    left = Adequacy(excess=1.0, is_excessive=False, correlation_s=0.0, misfit_K=0.02, rmse_K=0.1,
+                    window_s=600.0, noise_K=0.1)  # fmt: skip
+    said = verdict(found, None, replace(left, misfit_K=2.0, is_excessive=True), left, "heatrun")
+    assert said.word == "named"
+    assert said.sentence.startswith("Missing: sensor_lag, allowing for speed_cooling. So extended")
 
 
 def test_an_event_in_two_tests_is_in_both(hidden_bench):

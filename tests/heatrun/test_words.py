@@ -336,6 +336,8 @@ def test_a_report_of_a_discovery_says_nothing_in_english(language):
         "Missing: radiation and cooling_step. So extended, the network leaves 0.05 K in a fit by "
         "least squares, no more than noise.",
         "Missing was radiation and cooling_step; with it only noise is left.",
+        "Missing: radiation, allowing for sensor_lag and ambient_drift. So extended, the network "
+        "leaves 0.05 K in a fit by least squares, no more than noise.",
         f"The network leaves {left} that no effect of the catalogue accounts for. Next: heatrun "
         "discover motor.toml a.csv --model three",
         f"radiation and cooling_step explain 0.30 of 0.82 K of slow misfit and stay in the model; "

@@ -19,7 +19,7 @@ from ..effects.found import Found
 from ..effects.search import gap, plain_noise
 from ..effects.small_effects import SmallEffects
 from ..fit.fit import low_frequency_excess
-from ..io.quantities import enumerated
+from ..io.quantities import effects_in_words
 from ..model.network_form import WINDING
 from ..model.noise import scales_of, variance_of_mean
 from ..results.discovery import VerdictWord
@@ -260,7 +260,7 @@ def verdict(
         command: What to call next where something is left.
     """
     ids = asked.ids
-    names = enumerated(ids)
+    names = effects_in_words(ids, asked.allowed_for)
     if ids and after.is_adequate:
         tied = {each.id: asked.tied(each) for each in asked.core.effects if asked.tied(each)}
         if tied:
@@ -279,9 +279,10 @@ def verdict(
     if ids:
         return Verdict(
             "unexplained",
-            f"{names} explain {before.misfit_K - after.misfit_K:.2f} of {before.misfit_K:.2f} K of "
-            f"slow misfit and stay in the model; {after.words} is left that no effect of the "
-            f"catalogue accounts for. Next: {command}",
+            f"{names}{',' * bool(asked.allowed_for)} explain "
+            f"{before.misfit_K - after.misfit_K:.2f} of {before.misfit_K:.2f} K of slow misfit and "
+            f"stay in the model; {after.words} is left that no effect of the catalogue accounts "
+            f"for. Next: {command}",
         )
     if not before.is_adequate:
         return Verdict(

@@ -128,6 +128,12 @@ def enumerated(words: Iterable[str]) -> str:
     return f"{', '.join(others)} and {last}" if others else last
 
 
+def effects_in_words(named: Iterable[str], allowed: Iterable[str]) -> str:
+    """Return the effects in a model, those that are named and those that it allows for."""
+    beside = enumerated(allowed)
+    return enumerated(named) + (f", allowing for {beside}" if beside else "")
+
+
 def percent(probability: float) -> str:
     """Return a probability in per cent; some thousand draws tell none below 0.1 % from 0.
 

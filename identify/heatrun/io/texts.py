@@ -163,10 +163,11 @@ class Texts:
         if kind == "u":
             return self._known(text) or text
         if kind == "e":
-            return text.replace(" and ", f" {self('and')} ")
+            for words, key in ((" and ", "and"), (" allowing for ", "allowing_for")):
+                text = text.replace(words, f" {self(key)} ")
+            return text
         if kind == "m":
             title, between, effects = text.partition(" with ")
-            effects = effects.replace(" and ", f" {self('and')} ")
-            effects = effects.replace(", allowing for ", f", {self('allowing_for')} ")
+            effects = self._printed(effects, "e")
             return f"{self.again(title)} {self('with')} {effects}" if between else self.again(title)
         return text

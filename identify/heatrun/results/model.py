@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from msgspec import UNSET, Meta, UnsetType
 
-from ..io.quantities import enumerated, quantity, rounded
+from ..io.quantities import effects_in_words, quantity, rounded
 from ..record.record import ColumnReading, Finding
 from .values import BudgetRow, Count, Interval, NonNegative, Probability, Role, known, number
 
@@ -607,11 +607,10 @@ class FittedModel:
         return replace(self, effects=tuple(effects))
 
     def effects_in_words(self) -> str:
-        """Return the effects in it, the named ones first; empty without any."""
+        """Return "with" the effects in it, the named ones first; empty without any."""
         allowed = [effect.id for effect in self.effects if effect.is_allowed_for is True]
-        named = [effect.id for effect in self.effects if effect.id not in allowed]
-        words = f"with {enumerated(named)}" if named else ""
-        return f"{words}, allowing for {enumerated(allowed)}" if allowed else words
+        words = effects_in_words((e.id for e in self.effects if e.id not in allowed), allowed)
+        return f"with {words}" if words else ""
 
     def about_missing(self) -> str:
         """Return a sentence on the effects that the draws are averaged over, empty without any."""
