@@ -141,6 +141,15 @@ def test_every_text_stands_in_all_languages_with_the_same_fields():
         assert all(row) or key in ("findings_in_english", "rest_in_english"), key
 
 
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_text_can_be_said(language):
+    """Whatever its fields are called: one of them is `key`."""
+    say = Texts(language)
+    for key, row in table().items():
+        fields = {name: "1.5" for name, _ in FIELD.findall(row[0])}
+        assert not FIELD.search(say(key, **fields)), key
+
+
 def test_every_text_that_a_page_asks_for_is_in_the_table():
     asked = set()
     modules = (*HEATRUN.glob("reports/**/*.py"), *HEATRUN.parent.glob("heatrun_reports/**/*.py"))

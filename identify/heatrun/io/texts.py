@@ -93,7 +93,7 @@ class Texts:
         """Whether all that was to be said again and is more than a name has been."""
         return not any(WORDS.search(text) for text in self.unknown)
 
-    def __call__(self, key: str, **fields: object) -> str:
+    def __call__(self, key: str, /, **fields: object) -> str:
         """Return a text.
 
         Args:
