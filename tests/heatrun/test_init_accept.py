@@ -437,8 +437,10 @@ def test_calibrate_without_a_motor_file_says_which_numbers_are_missing(
     assert "heatrun calibrate motor.toml test.csv" in said
     assert load_motor("motor.toml").columns["winding_degC"] == "Temp_Mot [°C]"
     # another call does not write over it
-    assert cli.main(["calibrate", "test.csv", "--quick"]) == 1
-    assert "There is a motor file already" in capsys.readouterr().err
+    assert cli.main(["calibrate", "test.csv", "--quick", "--holdout", "other.csv"]) == 1
+    said = capsys.readouterr().err
+    assert "There is a motor file already" in said
+    assert "heatrun calibrate motor.toml test.csv --quick --holdout other.csv" in said
 
 
 def test_calibrate_without_a_motor_file_asks_at_a_terminal(tmp_path, monkeypatch, capsys):
@@ -447,11 +449,13 @@ def test_calibrate_without_a_motor_file_asks_at_a_terminal(tmp_path, monkeypatch
             return True
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("sys.stdin", Terminal("six\n0,0062\n21.5\n"))
+    monkeypatch.setattr("sys.stdin", Terminal("six\n-1\n0,0062\n21.5\n"))
     path = named(tmp_path, MISSING)
-    motor = load_motor(motor_of_tests([path], "calibrate"))
+    motor = load_motor(motor_of_tests([path], "heatrun calibrate test.csv"))
     assert (motor.phase_resistance_ohm, motor.constants) == (0.0062, {"ambient_degC": 21.5})
-    assert "Expected a number, got 'six'" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "Expected a number above 0, got 'six'" in said
+    assert "Expected a number above 0, got '-1'" in said
     assert "# Missing:" not in (tmp_path / "motor.toml").read_text(encoding="utf-8")
 
 
@@ -460,9 +464,9 @@ def test_one_node_is_asked_neither_for_a_current_nor_for_a_resistance(tmp_path, 
     columns = {"t [s]": TIME_S, "P_V [W]": LOSSES, "T_winding": COIL, "T_amb [°C]": ROOM}
     path = named(tmp_path, columns)
     with pytest.raises(InputError, match="phase_resistance_ohm"):
-        motor_of_tests([path], "calibrate")
+        motor_of_tests([path], "heatrun calibrate test.csv")
     (tmp_path / "motor.toml").unlink()
-    motor = load_motor(motor_of_tests([path], "calibrate", has_winding=False))
+    motor = load_motor(motor_of_tests([path], "heatrun calibrate test.csv", has_winding=False))
     assert motor.phase_resistance_ohm is None
     assert not motor.constants
 
@@ -471,7 +475,7 @@ def test_a_channel_that_no_column_holds_is_named(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = named(tmp_path, {"t [s]": TIME_S, "I [A]": CURRENT, "P_V [W]": LOSSES})
     with pytest.raises(InputError, match="a column for winding_degC"):
-        motor_of_tests([path], "calibrate")
+        motor_of_tests([path], "heatrun calibrate test.csv")
 
 
 def test_calibrate_without_a_test_is_wrong_use(tmp_path, monkeypatch, capsys):

@@ -65,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
     if options.motor is None:
         tests = [*options.tests, *options.holdout]
         has_winding = any(len(network.nodes) > 1 for network in networks)
-        options.motor = motor_of_tests(tests, "calibrate", has_winding=has_winding)
+        options.motor = motor_of_tests(tests, options.command_line, has_winding=has_winding)
     motor = load_motor(options.motor)
     if options.meta is not None:
         motor = replace(motor, certificate=motor.certificate.beneath(load_meta(options.meta)))

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import shlex
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,6 +25,9 @@ UNITS = {"phase_resistance_ohm": "Ω at 25 °C", "time_s": "samples per second",
          "phase_current_A": "A", "ambient_degC": "°C", "mechanical_power_W": "W",
          "torque_Nm": "Nm", "speed_rpm": "rpm", "i_d_A": "A"}  # fmt: skip
 """What a number is asked in."""
+
+ABOVE_ZERO = ("phase_resistance_ohm", "time_s", "phase_current_A")
+"""Of which a number is above 0; a speed may be none."""
 
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
@@ -130,12 +135,12 @@ OF_COPPER = ("phase_resistance_ohm", "phase_current_A", "i_d_A", "i_q_A")
 """What the copper loss alone needs."""
 
 
-def motor_of_tests(tests: Sequence[Path], command: str, *, has_winding: bool = True) -> Path:
+def motor_of_tests(tests: Sequence[Path], given: str, *, has_winding: bool = True) -> Path:
     """Write the motor file of tests that come without one, and ask for the numbers that it lacks.
 
     Args:
         tests: As the command line names them.
-        command: The command that needs it.
+        given: The command line, which is to be given again with the motor file.
         has_winding: Whether a network has a node that the copper loss heats; without, neither
             current nor resistance is asked for.
 
@@ -151,7 +156,8 @@ def motor_of_tests(tests: Sequence[Path], command: str, *, has_winding: bool = T
     from ..init.gaps import gaps
 
     out = Path(USUAL_NAME)
-    again = next_command(command, out, tests)
+    heatrun, command, *words = shlex.split(given)
+    again = shlex.join([heatrun, command, str(out), *words])
     if os.path.lexists(out):
         raise InputError("There is a motor file already.", where=str(out), remedy=f"{again}")
     surveys = look_at(tests, out)
@@ -186,10 +192,12 @@ def _asked(gap: Gap) -> float:
         line = sys.stdin.readline()
         if not line:
             raise KeyboardInterrupt
-        try:
-            return float(line.replace(",", "."))
-        except ValueError:
-            print(f"Expected a number, got {line.strip()[:40]!r}.", file=sys.stderr)
+        least = 0.0 if name in ABOVE_ZERO else -math.inf
+        with suppress(ValueError):
+            if least < (number := float(line.replace(",", "."))) < math.inf:
+                return number
+        above = " above 0" if name in ABOVE_ZERO else ""
+        print(f"Expected a number{above}, got {line.strip()[:40]!r}.", file=sys.stderr)
 
 
 def next_command(command: str, motor: Path, tests: Sequence[Path]) -> str:
