@@ -388,6 +388,19 @@ def test_where_the_guard_is_never_satisfied_there_are_draws_all_the_same(short, 
     assert np.isfinite(weighted.effective_size)
 
 
+@pytest.mark.parametrize(("least", "rounds"), [(1e9, 4), (500, 8)])
+def test_rounds_that_would_never_be_enough_are_not_gone_on_with(
+    short, of_short, monkeypatch, least, rounds
+):
+    """Ten minutes were spent on two optima of a motor, where one draw in two hundred counted."""
+    monkeypatch.setattr(importance_module, "NUM_DRAWS", 64)
+    monkeypatch.setattr(importance_module, "MOST_ROUNDS", 8)
+    for module in ("importance", "weighted"):
+        monkeypatch.setattr(f"heatrun.posterior.{module}.LEAST_EFFECTIVE", least)
+    found = sample_rto(short, of_short, np.random.default_rng(4))
+    assert found.weights.size == 64 * rounds
+
+
 @pytest.mark.parametrize(
     ("shape", "num", "is_beyond"),
     [(1.3, 8192, True), (1.3, 64, False), (0.75, 8192, False), (0.4, 8192, False)],

@@ -21,7 +21,7 @@ from ..model.kernels import Kernels
 from ..model.problem import NUM_NOISE
 from .proposal import Proposal
 from .rto import Drawn, Rto
-from .weighted import AbstractDrawn, Weighted, evaluate, truncated
+from .weighted import LEAST_EFFECTIVE, AbstractDrawn, Weighted, evaluate, truncated
 
 NUM_ADAPTATIONS = 5
 """Most rounds in which the proposal is moved to the importance samples of the round before; one
@@ -95,8 +95,9 @@ LEARNING = 4
 GOOD = 0.1
 """Effective sample size over draws with which no other place is looked for [1]."""
 
-MOST_ROUNDS = 32
-"""Rounds around an optimum whose draws count, at most."""
+MOST_ROUNDS, TELLING, SHORT = 32, 4, 2.0
+"""Rounds around an optimum whose draws count, at most; rounds that tell how many draws count; and
+how many times too few these may be, with all rounds, to go on [1]: they come by chance."""
 
 
 def sample_rto(fit: Fit, kernels: Kernels, rng: np.random.Generator) -> Weighted | None:
@@ -125,8 +126,11 @@ def sample_rto(fit: Fit, kernels: Kernels, rng: np.random.Generator) -> Weighted
         if not covered(fit, found)[number]:
             around.append(_learned(fit, mode, kernels, rng))
             found = _pooled(around)
-    for _ in range(MOST_ROUNDS - 1):
+    for done in range(1, MOST_ROUNDS):
         if found.is_sound or found.is_beyond_hope or not np.any(found.weights):
+            break
+        in_all = found.effective_size * MOST_ROUNDS / done
+        if done >= TELLING and SHORT * in_all < LEAST_EFFECTIVE:
             break
         noise_z = Kernels.over(found.vectors[:, -NUM_NOISE:], truncated(found.weights), rng)
         for part in around:
