@@ -22,7 +22,7 @@ from ...record.record import Finding
 from ...record.table import PREAMBLE, Column, Question, Stated, Table, kind_of_frames, no_signals
 from ...record.units import find_unit, is_unit
 from ..clock import TimeFormat, parse_time_format, stated_format
-from .by_tag import by_clock, by_tag
+from .historian import by_clock, by_tag, without_bad
 from .layout import DELIMITERS, Layout, find_layout
 from .lines import (
     CODECS,
@@ -32,7 +32,6 @@ from .lines import (
     ragged_lines,
     restarted,
 )
-from .quality import without_bad
 from .remarks import X_NAME, stated_raster, units_of_remarks
 from .values import MISSING, doubtful, read_values, signs_joined, unreadable_cells, unsettled_cells
 
