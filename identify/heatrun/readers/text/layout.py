@@ -270,6 +270,12 @@ def find_layout(
     )
     width += num_optional
     names = _names(lines[header], rows[header], delimiter, width, where)
+    begins = set()
+    for i, line in enumerate(lines[:first]):
+        if i == header:
+            continue
+        tells_units = units_of_row(rows[i], rows[header]) or any(units_of_remarks((line,), names))
+        begins.add(line.rstrip() if tells_units else first_word(line, delimiter))
     return Layout(
         delimiter,
         decimal,
@@ -280,19 +286,7 @@ def find_layout(
         first,
         stated_decimal is None and is_unsettled(text, first, delimiter, decimal),
         lines[header].rstrip(),
-        frozenset(
-            filter(
-                None,
-                (
-                    lines[i].rstrip()
-                    if units_of_row(rows[i], rows[header])
-                    or any(units_of_remarks((lines[i],), names))
-                    else first_word(lines[i], delimiter)
-                    for i in range(first)
-                    if i != header
-                ),
-            )
-        ),
+        frozenset(begins - {""}),
         num_optional,
         num_settings,
         names_of_inputs(rows[:header], names),
