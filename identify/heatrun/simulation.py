@@ -220,7 +220,8 @@ class ByHand:
             moved: Parameters with other values than those of the start, by name.
         """
         values = {name: np.float64(value) for name, value in {**self.values, **moved}.items()}
-        means = block_means(self.model, values, self.test.observation().padded().simulated())
+        test = self.test.observation().padded(is_seldom=True).simulated()
+        means = block_means(self.model, values, test)
         return self.test.own(means)
 
 

@@ -149,16 +149,22 @@ def test_a_few_lengths_serve_the_tests_of_all():
     assert all(num <= found <= max(1.25 * num, 4.0) for num, found in enumerate(classes))
     assert len({found for found in classes if found >= 90}) == 19
     assert all(length_class(found) == found for found in classes)
+    seldom = {length_class(num, is_seldom=True) for num in range(1, 2000)}
+    assert seldom == {8, 16, 32, 64, 128, 256, 512, 1024, 2048}
+    assert length_class(256, is_seldom=True) == 256
 
 
-def test_rows_that_are_added_stand_behind_those_of_each_sensor(motor):
+@pytest.mark.parametrize(("is_seldom", "whole"), [(False, 112), (True, 128)])
+def test_rows_that_are_added_stand_behind_those_of_each_sensor(motor, is_seldom, whole):
     time = np.arange(0.0, 2000.0, 1.0)
     both = reduce(record(time, stator_degC=30.0 + 0.0 * time), motor).with_bodies(["stator_degC"])
     num = both.num_blocks
-    assert (num, length_class(num)) == (100, 112)
-    longer = both.observation().padded()
-    assert longer.inputs.num_time == 112 * both.weight.shape[1]
+    assert num == 100
+    longer = both.observation().padded(is_seldom=is_seldom)
+    assert longer.inputs.num_time == whole * both.weight.shape[1]
     np.testing.assert_array_equal(longer.measured.reshape(2, -1)[:, num:], 0.0)
     np.testing.assert_array_equal(both.own(longer.measured), both.measured)
     rows = np.arange(6.0 * num).reshape(3, -1)
-    np.testing.assert_array_equal(both.own(both.lengthened(rows.T).T, axis=1), rows)
+    more = both.lengthened(rows.T, is_seldom=is_seldom).T
+    assert more.shape == (3, 2 * whole)
+    np.testing.assert_array_equal(both.own(more, axis=1), rows)

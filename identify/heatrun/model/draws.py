@@ -280,7 +280,7 @@ def courses(
     num = len(next(iter(values.values())))
     whole = {name: np.pad(draws, (0, -num % AT_A_TIME), mode="edge")
              for name, draws in values.items()}  # fmt: skip
-    padded = test.observation().padded().simulated()
+    padded = test.observation().padded(is_seldom=True).simulated()
     found = jax.tree.map(lambda rows: np.asarray(rows)[:num], _courses(model, whole, padded))
     of_each = jax.tree.map(lambda rows: test.winding.own(rows, axis=1), found._replace(reading=()))
     return of_each._replace(reading=test.own(found.reading, axis=1))

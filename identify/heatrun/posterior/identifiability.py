@@ -5,7 +5,7 @@ Behind it stands what the reduction of a record to steps costs, in kelvin of the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -58,7 +58,10 @@ class Statement:
 
 
 def state(
-    posterior: Posterior, parameter: Parameter, relative_sd: float, longer: dict[str, float]
+    posterior: Posterior,
+    parameter: Parameter,
+    relative_sd: float,
+    longer: Callable[[], Mapping[str, float]],
 ) -> Statement:
     """Judge one parameter of the network or the resistance.
 
@@ -66,7 +69,8 @@ def state(
         posterior: Draws.
         parameter: Which one; a shared one.
         relative_sd: Its standard uncertainty over its value [1].
-        longer: Expected relative sd by name after a test of two hours, from `forecast`.
+        longer: Expected relative sd by name after a test of two hours, from `forecast`; asked for
+            where the tests do not identify the parameter.
     """
     if parameter.fixed is not None:
         return Statement(
@@ -75,18 +79,18 @@ def state(
         )
     position = posterior.fit.problem.parameters.index(parameter.name)
     contraction = float(np.std(posterior.flat[:, position]))
-    gain = longer.get(parameter.name)
-    hint = "" if gain is None else f" {LONGER} ±{200 * gain:.1f} % (95 %)."
     if parameter.role == "resistance":
         if contraction > PRIOR_SPEAKS:
             return Statement("not identifiable", UNINFORMED)
         return Statement(
             "identified" if relative_sd <= IDENTIFIED else "weak", "informed by the tests."
         )
+    if contraction <= PRIOR_SPEAKS and relative_sd <= IDENTIFIED:
+        return Statement("identified", _basis(posterior))
+    gain = longer().get(parameter.name)
+    hint = "" if gain is None else f" {LONGER} ±{200 * gain:.1f} % (95 %)."
     if contraction > PRIOR_SPEAKS:
         return Statement("not identifiable", f"{UNINFORMED}{hint}")
-    if relative_sd <= IDENTIFIED:
-        return Statement("identified", _basis(posterior))
     verdict: Verdict = "weak" if relative_sd <= WEAK else "not identifiable"
     return Statement(verdict, f"{_blocking(posterior, parameter, relative_sd)}{hint}")
 
@@ -305,7 +309,7 @@ def _simulated(
             z[position] = found.z[names.index(slot.name)]
     means = []
     for version in versions:
-        data = replace(problem.data, tests=(version.observation().padded(),))
+        data = replace(problem.data, tests=(version.observation().padded(is_seldom=True),))
         means.append(blocks.own(np.asarray(predict_batch(problem.structure, data, z[None])[0])[0]))
     return means
 

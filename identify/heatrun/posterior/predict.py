@@ -224,8 +224,8 @@ class Prediction:
         spread = (self.draws - self.median).T / np.sqrt(self.draws.shape[0])
         joined = np.nan_to_num(np.column_stack([self.residual, spread]))
         noise = jax.tree.map(lambda draws: np.median(np.asarray(draws)), self.noise)
-        padded = self.test.observation(self.heat).padded()
-        white, _ = noise_module.whiten(self.test.lengthened(joined), noise, padded)
+        padded = self.test.observation(self.heat).padded(is_seldom=True)
+        white, _ = noise_module.whiten(self.test.lengthened(joined, is_seldom=True), noise, padded)
         rows = self.test.own(white)[seen]
         error, spread = rows[:, 0], rows[:, 1:]
         if not self.is_held_out:
@@ -267,7 +267,7 @@ def predict(
     known = told_bodies(middle, test)
     rows = test.with_bodies(known)
     heat = heat_columns(source.model, middle, rows)
-    observation = rows.observation(heat, scales_of(source.loggers, rows)).padded()
+    observation = rows.observation(heat, scales_of(source.loggers, rows)).padded(is_seldom=True)
     course = courses(source.model, drawn.values, rows)
     refuse_unstable(source.model, drawn.values, course.reading[:, : test.measured.size], test)
     if drawn.plausible is not None:

@@ -24,11 +24,18 @@ if TYPE_CHECKING:
     from .observation import Observation
 
 
-def length_class(num: int) -> int:
+def length_class(num: int, *, is_seldom: bool = False) -> int:
     """Return the least of the numbers 4, 5, 6 and 7 times a power of two that is not below one.
 
     Compiled programs hold for one number of blocks; with these, a few serve the tests of all.
+
+    Args:
+        num: The number.
+        is_seldom: What takes it runs a few times, so that compiling takes longer than blocks for
+            nothing: the least power of two from 8 on.
     """
+    if is_seldom:
+        return max(8, 1 << (num - 1).bit_length())
     step = 2 ** max(0, num.bit_length() - 3)
     return -(-num // step) * step
 
@@ -191,9 +198,12 @@ class Blocks:
         """Split rows into those of the winding and of each fitted body."""
         return np.split(rows, 1 + len(self.fitted))
 
-    def lengthened(self, rows: Float[np.ndarray, "row ..."]) -> Float[np.ndarray, "more ..."]:
+    def lengthened(
+        self, rows: Float[np.ndarray, "row ..."], *, is_seldom: bool = False
+    ) -> Float[np.ndarray, "more ..."]:
         """Return rows with zeros where `Observation.padded` has more of them."""
-        return with_more(np.asarray(rows), 1 + len(self.fitted), length_class(self.num_blocks), 0)
+        whole = length_class(self.num_blocks, is_seldom=is_seldom)
+        return with_more(np.asarray(rows), 1 + len(self.fitted), whole, 0)
 
     def by_block(self, steps: Float[np.ndarray, " step"]) -> Float[np.ndarray, " block"]:
         """Return the means over the blocks of what is given over the steps; without bodies."""

@@ -57,14 +57,17 @@ class Observation(eqx.Module):
         """Number of sensors, the winding's included."""
         return 1 + len(self.fitted)
 
-    def padded(self) -> Observation:
+    def padded(self, *, is_seldom: bool = False) -> Observation:
         """Return it with blocks without readings up to the next `length_class`.
 
         The inputs are held there, so that an early reading sees past the end of the last block;
         columns of `moments` are filled up likewise, with zeros, which do nothing.
+
+        Args:
+            is_seldom: As `length_class`.
         """
         num, per_block = self.weight.shape[0] // self.num_sensors, self.weight.shape[1]
-        whole = length_class(num)
+        whole = length_class(num, is_seldom=is_seldom)
         inputs = self.inputs
         held = {
             name: np.pad(np.asarray(values), (0, (whole - num) * per_block), mode="edge")
@@ -76,7 +79,7 @@ class Observation(eqx.Module):
             return with_more(np.asarray(rows), self.num_sensors, whole, value)
 
         moments = more(self.moments)
-        columns = max(FEWEST_MOMENTS, length_class(moments.shape[1]))
+        columns = max(FEWEST_MOMENTS, length_class(moments.shape[1], is_seldom=is_seldom))
         return replace(
             self,
             inputs=replace(inputs, **held),

@@ -42,7 +42,7 @@ class Followed:
     @cached_property
     def observation(self) -> Observation:
         """What drives the simpler network."""
-        return self.test.observation().padded().simulated()
+        return self.test.observation().padded(is_seldom=True).simulated()
 
     def error_K(self, model: Model, parameters: Mapping[str, float]) -> Float[np.ndarray, " block"]:
         """Return the course of a network minus that of the model [K], shape (block,).

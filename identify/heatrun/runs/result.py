@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, replace
+from functools import cache
 from types import MappingProxyType
 from typing import TypeVar
 
@@ -177,7 +178,10 @@ def describe_model(
     def part(step: str, do: Callable[[], T], otherwise: T) -> T:
         return do() if attempts is None else attempts.of(step, do, otherwise, where=model.title)
 
-    longer = part("the forecast of a longer test", lambda: forecast(fit), {})
+    @cache
+    def longer() -> dict[str, float]:
+        return part("the forecast of a longer test", lambda: forecast(fit), {})
+
     budget = part("the uncertainty budget", lambda: budget_of(posterior), None)
     main, nuisances = _parameters(posterior, longer)
     main = {name: _widened(entry, undecided.get(name)) for name, entry in main.items()}
@@ -303,7 +307,7 @@ def assemble(
 
 
 def _parameters(
-    posterior: Posterior, longer: dict[str, float]
+    posterior: Posterior, longer: Callable[[], Mapping[str, float]]
 ) -> tuple[dict[str, FittedParameter], dict[str, FittedParameter]]:
     """Return the parameters that a user asks for and the nuisances, free ones first."""
     fit = posterior.fit
@@ -385,7 +389,11 @@ def _no_evidence(fit: Fit) -> Evidence:
 
 
 def _free(
-    posterior: Posterior, slot: Slot, position: int, draws: np.ndarray, longer: dict[str, float]
+    posterior: Posterior,
+    slot: Slot,
+    position: int,
+    draws: np.ndarray,
+    longer: Callable[[], Mapping[str, float]],
 ) -> FittedParameter:
     parameter = slot.parameter
     value = posterior.stated[slot.name]
