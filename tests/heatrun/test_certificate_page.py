@@ -160,6 +160,13 @@ def test_a_network_that_lacks_something_is_restricted(result):
     assert any("lacks something that the tests show" in reason for reason in said.reasons)
     other = replace(lack, network="first")
     assert headline(replace(result, findings=(other,))).use == "usable"
+    which = Finding("effect_ambiguous", "warning", "housing or neighbour")
+    said = headline(replace(result, findings=(which,)))
+    assert said.use == "restricted"
+    assert any("do not tell which of several effects" in reason for reason in said.reasons)
+    assert not any("discover" in reason for reason in said.reasons)
+    said = headline(replace(result, findings=(which, lack)))
+    assert any("lacks something that the tests show" in reason for reason in said.reasons)
 
 
 def test_the_choice_of_the_network_is_told_as_a_chance(result):

@@ -37,8 +37,8 @@ NOT_FOLLOWED = 0.05
 INCOMPLETE = with_doubt("network")
 """Findings that the tests show more than the network has, or do not tell what it is."""
 
-LEFT_OUT = "effects_left_out"
-"""Of them, the finding of a run with --plain."""
+LEFT_OUT, AMBIGUOUS = "effects_left_out", "effect_ambiguous"
+"""Of them, the finding of a run with --plain, and that of effects that the tests do not part."""
 
 TAKEN_UP = ("instrument_beyond_prior", "prior_conflict")
 """Findings that a parameter stands where nobody expects it."""
@@ -112,7 +112,7 @@ def headline(result: FitResult) -> UseVerdict:
             reasons,
         )
     is_restricted = not model.posterior.is_sound or bool(_inputs(result)) or _unjudged(result)
-    if is_restricted or _fails_held_out(model) or _lacks(result):
+    if is_restricted or _fails_held_out(model) or _incomplete(result):
         return UseVerdict(
             "restricted",
             f"{title}. All {len(free)} parameters are identified, with the restrictions below.",
@@ -267,10 +267,10 @@ def _not_followed(result: FitResult, model: FittedModel) -> str:
     return ""
 
 
-def _lacks(result: FitResult) -> bool:
-    return any(
-        f.id in INCOMPLETE and f.severity != "note" and concerns(f, result) for f in result.findings
-    )
+def _incomplete(result: FitResult) -> set[str]:
+    """Return the ids of the findings that the network is not complete, or perhaps another."""
+    warnings = (f for f in result.findings if f.severity != "note" and concerns(f, result))
+    return {f.id for f in warnings if f.id in INCOMPLETE}
 
 
 def _unjudged(result: FitResult) -> bool:
@@ -288,11 +288,17 @@ def _doubts(result: FitResult, model: FittedModel) -> list[str]:
         )
     if not model.posterior.is_sound:
         words.append("The intervals are indicative: the diagnostics of the sampling are not met.")
-    if any(f.id == LEFT_OUT for f in deciding(result)):
+    incomplete = _incomplete(result)
+    if LEFT_OUT in incomplete:
         words.append(
             "The network lacks effects that the tests ask for: its intervals are wider for it."
         )
-    elif _lacks(result):
+    elif incomplete == {AMBIGUOUS}:
+        words.append(
+            "The tests do not tell which of several effects the machine has: the intervals allow "
+            "for each."
+        )
+    elif incomplete:
         words.append(
             "The network lacks something that the tests show: its intervals are wider for it, and "
             "`heatrun discover` searches for what it is."
