@@ -31,12 +31,8 @@ BETWEEN = "|"
 
 @dataclass(frozen=True)
 class Row:
-    """A row of the fleet's table.
-
-    Attributes:
-        place: Where it stands, in words, such as `"line 7"`.
-        cells: Texts by column, empty cells left out.
-        problem: Why the row cannot be read as one; empty if it can.
+    """A row of the fleet's table: where it stands, such as `"line 7"`, its texts by column without
+    empty cells, and why it cannot be read as one, empty if it can.
     """
 
     place: str
@@ -73,13 +69,10 @@ class Entry:
 
 
 def check_columns(names: Sequence[str], covariates: Sequence[str] | None, where: str) -> None:
-    """Refuse a table whose columns cannot be what was meant.
+    """Refuse a table whose columns, after `ALIASES`, cannot be what was meant.
 
-    Args:
-        names: Columns, after `ALIASES`.
-        covariates: Columns that are covariates, where the fleet file lists them; None lets every
-            column be one whose name is not close to one of `COLUMNS`.
-        where: The table, for messages.
+    Where the fleet file does not list covariates, every column is one whose name is not close to
+    one of `COLUMNS`.
 
     Raises:
         InputError: If a column is missing, there twice, not known, or looks misspelt.
@@ -117,13 +110,8 @@ def check_columns(names: Sequence[str], covariates: Sequence[str] | None, where:
 
 
 def gathered(rows: Sequence[Row], *, type: str, motor: str, where: str) -> tuple[Entry, ...]:
-    """Return the machines of a table in the order of their first rows.
-
-    Args:
-        rows: The rows; those of one machine are its tests.
-        type: Type of machines whose rows name none.
-        motor: Motor file of machines whose rows name none.
-        where: The table, for findings.
+    """Return the machines of a table in the order of their first rows; type and motor file are
+    those of machines whose rows name none.
     """
     by_machine: dict[str, list[Row]] = {}
     for row in rows:

@@ -13,7 +13,7 @@ from heatrun.fit.fit import delays, fit
 from heatrun.fit.restricted import polished_noise
 from heatrun.model.problem import Problem, whitened
 from heatrun.record.motor import ParameterOverride
-from heatrun_fleet.batch.fit import NotBatched, bucket, fit_batch, fits, key_of, pack
+from heatrun_fleet.batch.fit import NotBatched, bucket, fit_batch, key_of, pack
 from heatrun_fleet.batch.residuals import residuals_of_group, solve, sweep
 from heatrun_fleet.batch.search import search
 
@@ -212,22 +212,6 @@ def test_a_machine_with_garbage_does_not_touch_its_neighbours(short):
     assert isinstance(with_it[0], NotBatched)
     np.testing.assert_array_equal(with_it[1].z, without[0].z)
     np.testing.assert_array_equal(with_it[1].covariance, without[0].covariance)
-
-
-@pytest.mark.slow
-def test_fits_come_as_their_batches_are_full(short):
-    taken = []
-
-    def problems():
-        for place in range(5):
-            taken.append(place)
-            yield place, short[1]
-
-    stream = fits(problems(), width=4)
-    first = next(stream)[0]
-    assert first == 0
-    assert taken == [0, 1, 2, 3]  # the fifth is not read before it is needed
-    assert [place for place, _ in stream] == [1, 2, 3, 4]
 
 
 @pytest.mark.slow
