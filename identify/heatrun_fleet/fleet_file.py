@@ -84,10 +84,44 @@ def load_fleet(path: str | Path, model: str | NetworkForm | None = None) -> Flee
             machine. A single row that is wrong raises nothing: its machine carries a finding.
     """
     path = Path(path)
-    if path.suffix.lower() in ENDS:
-        return _of_manifest(path, model)
-    data = read_start(path, LARGEST_BYTES)
     where, folder = str(path), path.resolve().parent
+    is_alone = path.suffix.lower() in ENDS
+    if is_alone:
+        texts, lists, machines, inputs = {"name": path.stem, "manifest": path.name}, {}, None, {}
+    else:
+        data = read_start(path, LARGEST_BYTES)
+        texts, lists, machines = _said(data, where)
+        inputs = {path.name: hashlib.sha256(data).hexdigest()}
+    table = texts.get("manifest", path.name)
+    if machines is not None:
+        names, rows = _rows_of(machines, where)
+    else:
+        names, rows = read_manifest(path if is_alone else folder / table)
+        inputs[table] = digest(folder / table)
+    check_columns(names, lists.get("covariates"), table)
+    if is_alone and "motor" not in names:
+        raise InputError(
+            "Expected a column motor with the motor files, found none.",
+            where=where,
+            remedy="Add it; or write a fleet file with [fleet] name, motor and manifest = "
+            f'"{path.name}", and give that.',
+        )
+    said = texts.get("model", "second")
+    own = str(folder / said) if said.endswith(".toml") else said  # relative to the file
+    return Fleet(
+        name=texts["name"],
+        network=network_named(own if model is None else model),
+        effects=lists.get("effects", ()),
+        entries=gathered(
+            rows, type=texts.get("type", ""), motor=texts.get("motor", ""), where=table
+        ),
+        folder=folder,
+        inputs=inputs,
+    )
+
+
+def _said(data: bytes, where: str) -> tuple[dict[str, str], dict[str, tuple[str, ...]], Any]:
+    """Return the texts and lists of a fleet file, and its `[[machines]]` if they stand in it."""
     if len(data) > LARGEST_BYTES:
         raise InputError(
             f"Expected a fleet file of at most {LARGEST_BYTES // 2**20} MB, got more.",
@@ -109,9 +143,6 @@ def load_fleet(path: str | Path, model: str | NetworkForm | None = None) -> Flee
         raise InputError(
             "Expected the name of the fleet, found none.", where=at, remedy='Add: name = "…".'
         )
-    lists = {k: _texts(fleet[k], k, at) for k in LISTS if k in fleet}
-    inputs = {path.name: hashlib.sha256(data).hexdigest()}
-    table_where = texts.get("manifest", path.name)
     if ("manifest" in texts) == ("machines" in content):
         raise InputError(
             "Expected either a manifest or [[machines]], got "
@@ -119,43 +150,8 @@ def load_fleet(path: str | Path, model: str | NetworkForm | None = None) -> Flee
             where=at,
             remedy='Write manifest = "machines.csv", or [[machines]] with id and tests for each.',
         )
-    if "manifest" in texts:
-        names, rows = read_manifest(folder / table_where)
-        inputs[table_where] = digest(folder / table_where)
-    else:
-        names, rows = _rows_of(content["machines"], where)
-    check_columns(names, lists.get("covariates"), table_where)
-    said = texts.get("model", "second")
-    own = str(folder / said) if said.endswith(".toml") else said  # relative to the file
-    defaults = {key: texts.get(key, "") for key in ("type", "motor")}
-    return Fleet(
-        name=texts["name"],
-        network=network_named(own if model is None else model),
-        effects=lists.get("effects", ()),
-        entries=gathered(rows, **defaults, where=table_where),
-        folder=folder,
-        inputs=inputs,
-    )
-
-
-def _of_manifest(path: Path, model: str | NetworkForm | None) -> Fleet:
-    names, rows = read_manifest(path)
-    check_columns(names, None, path.name)
-    if "motor" not in names:
-        raise InputError(
-            "Expected a column motor with the motor files, found none.",
-            where=str(path),
-            remedy="Add it; or write a fleet file with [fleet] name, motor and manifest = "
-            f'"{path.name}", and give that.',
-        )
-    return Fleet(
-        name=path.stem,
-        network=network_named(model or "second"),
-        effects=(),
-        entries=gathered(rows, type="", motor="", where=path.name),
-        folder=path.resolve().parent,
-        inputs={path.name: digest(path)},
-    )
+    lists = {k: _texts(fleet[k], k, at) for k in LISTS if k in fleet}
+    return texts, lists, content.get("machines")
 
 
 def _rows_of(machines: Any, where: str) -> tuple[list[str], list[Row]]:
@@ -339,20 +335,21 @@ def resolved(test: str, folder: str | Path) -> Path:
     """
     base = Path(folder)
     whole = base / test
-    with suppress(OSError, ValueError):
-        if "+" in test and not whole.exists():
-            return Path("+".join(str(base / part) for part in test.split("+")))
-    return whole
+    try:
+        is_one = "+" not in test or whole.exists()
+    except (OSError, ValueError):  # no file can have this name
+        is_one = False
+    return whole if is_one else Path("+".join(str(base / part) for part in test.split("+")))
 
 
 def _with_findings_on_copies(fleet: Fleet, digests: Digests) -> list[Entry]:
     """Return the machines, those that share a test with another one with a warning."""
     owners: dict[str, list[str]] = {}
-    own: list[list[tuple[str, str]]] = []
+    own: list[dict[str, str]] = []
     for entry in fleet.entries:
-        files = [(p, digests[p]) for r, p in files_by_role(entry, fleet.folder) if r != "motor"]
-        own.append([(path, sha) for path, sha in files if sha])
-        for sha in {sha for _, sha in own[-1]}:
+        files = [path for role, path in files_by_role(entry, fleet.folder) if role != "motor"]
+        own.append({path: digests[path] for path in files if digests[path]})
+        for sha in set(own[-1].values()):
             owners.setdefault(sha, []).append(entry.machine)
     entries = []
     for entry, files in zip(fleet.entries, own, strict=True):
@@ -363,7 +360,7 @@ def _with_findings_on_copies(fleet: Fleet, digests: Digests) -> list[Entry]:
                 remedy="Check whether a file was copied under another name; machines that share a "
                 "test make a type look more alike than it is.",
             )
-            for path, sha in dict(files).items()
+            for path, sha in files.items()
             if len(owners[sha]) > 1
         ]  # fmt: skip
         entries.append(replace(entry, findings=(*entry.findings, *found)) if found else entry)

@@ -45,6 +45,14 @@ def assert_same(found, alone):
         assert found.stats[name] == pytest.approx(alone.stats[name], rel=SAME), name
 
 
+def assert_as_alone(problems):
+    """The batch's fits are those of each machine alone; returned."""
+    found = fit_batch(problems, width=4)
+    for of_batch, problem in zip(found, problems, strict=True):
+        assert_same(of_batch, fit(problem))
+    return found
+
+
 @eqx.filter_jit
 def residuals(structure, machines, z, group):
     return residuals_of_group(structure, machines, z, group, 1e6)
@@ -163,18 +171,14 @@ def test_load_steps_at_unknown_moments_are_those_of_one_machine(slow):
     columns = np.stack([0.4 * np.exp(-0.2 * (blocks - at)) * (blocks >= at) for at in (12, 40)], 1)
     known = replace(duty, load_columns=columns, measured=duty.measured + columns @ [1.5, -0.8])
     uneasy = replace(first, tests=(known, stairs))
-    found = fit_batch([uneasy, second], width=4)
-    for of_batch, problem in zip(found, (uneasy, second), strict=True):
-        assert_same(of_batch, fit(problem))
+    found = assert_as_alone([uneasy, second])
     plain = fit(replace(first, tests=(replace(known, load_columns=None), stairs)))
     assert found[0].log_evidence > plain.log_evidence + 2.0
 
 
 @pytest.mark.slow
 def test_a_batch_fits_as_one_does(short):
-    found = fit_batch(short, width=4)
-    for of_batch, problem in zip(found, short, strict=True):
-        assert_same(of_batch, fit(problem))
+    assert_as_alone(short)
 
 
 @pytest.mark.slow
@@ -253,8 +257,7 @@ def test_two_tests_of_unlike_length_in_a_batch(generator, network):
         machine(generator, 10 + seed, [generator.duty(first), generator.staircase(second)], network)
         for seed, (first, second) in enumerate([(3600.0, 2400.0), (3300.0, 2300.0)])
     ]
-    for found, problem in zip(fit_batch(problems, width=4), problems, strict=True):
-        assert_same(found, fit(problem))
+    assert_as_alone(problems)
 
 
 @pytest.mark.slow
@@ -266,5 +269,4 @@ def test_a_map_of_losses_and_fixed_parameters(generator):
         )
         for seed in range(2)
     ]  # fmt: skip
-    for found, problem in zip(fit_batch(problems, width=4), problems, strict=True):
-        assert_same(found, fit(problem))
+    assert_as_alone(problems)

@@ -26,13 +26,12 @@ from heatrun.fit.fit import (
     ROUGH_K,
     SAME_OPTIMUM,
     SETTLED,
+    described,
     distinct,
     implied_level,
-    low_frequency_excess,
-    misfit_findings,
     start_scores,
 )
-from heatrun.fit.fit_result import RESULT, Fit
+from heatrun.fit.fit_result import Fit
 from heatrun.fit.restricted import laplace
 from heatrun.io.programs import compiled, refuse_wrong_sums
 from heatrun.model.discrepancy import num_knots
@@ -419,7 +418,7 @@ def _finished(
     """Return the fit of one machine of a batch, with its own unmodelled heat in the problem."""
     z, noise_z = (np.array(each[:, lane]) for each in (state.z, state.noise_z))
     found = said.restricted
-    spread = laplace(
+    width = laplace(
         z, noise_z, found.covariance[..., lane], said.noise_precision[..., lane],
         float(found.squares[lane]), float(found.half_log_det[lane]),
         int(np.sum(problem.is_observed)),
@@ -428,27 +427,13 @@ def _finished(
         rows[test.is_observed]
         for rows, test in zip(problem.split(innovations), problem.tests, strict=True)
     ]
-    excess, is_flagged = low_frequency_excess(white, [test.block_s for test in problem.tests])
     is_same = optima.cost - optima.cost[0] < SAME_OPTIMUM * max(1.0, 1e-3 * optima.cost[0])
-    return Fit(
-        problem=problem,
-        z=z,
-        noise_z=noise_z,
-        covariance=spread.covariance,
-        covariance_type_a=spread.type_a,
-        residual=problem.split(residual),
-        jacobian=problem.split(jacobian),
-        log_evidence=spread.log_evidence,
-        result=RESULT.converged,
-        modes=z[None],
-        findings=tuple(
-            misfit_findings(problem, noise_z, problem.rmse_K(residual), excess, is_flagged)
-        ),
+    return described(
+        problem, z, noise_z, residual, jacobian, z[None], white, width, is_converged=True,
         stats={
             "num_starts": NUM_STARTS,
             "num_at_best": int(np.sum(optima.num_starts[is_same])),
             "num_steps": optima.num_steps,
             "rmse_white_K": rmse_white_K,
-            "low_frequency_excess": excess,
         },
-    )
+    )  # fmt: skip

@@ -123,11 +123,8 @@ def unpack(
 ) -> tuple[Law, Float[Array, ""]]:
     """Return the law of scores, and the log density of its prior over the scores [nat].
 
-    Args:
-        scores: Unbounded; mean and coefficients in units of their prior, log spread in units of its
-            scale, partial correlations, logit of the share of outliers.
-        hyper: The prior.
-        num_covariates: Columns of the design.
+    The scores are unbounded: mean and coefficients in units of their prior, log spread in units of
+    its scale, partial correlations, logit of the share of outliers.
     """
     size = hyper.mean.size
     cuts = np.cumsum([size, num_covariates * size, size, size * (size - 1) // 2])
@@ -185,10 +182,8 @@ def log_marginals(
     usual = one(law.factor)
     if not has_outliers:
         return usual, jnp.full_like(usual, -jnp.inf)
-    return (
-        usual + jnp.log1p(-law.outlier_share),
-        one(OUTLIER_SCALE * law.factor) + jnp.log(law.outlier_share),
-    )
+    other = one(OUTLIER_SCALE * law.factor)
+    return usual + jnp.log1p(-law.outlier_share), other + jnp.log(law.outlier_share)
 
 
 def log_marginal(
