@@ -26,7 +26,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from heatrun.errors import InputError
 from heatrun.fit.fit_result import RESULT, Fit
@@ -117,7 +116,7 @@ def effect_columns(evidence: Evidence) -> dict[str, Any]:
         "effects": list(evidence.effects),
         "effect_scale": evidence.scale.tolist(),
         "effect_score": evidence.score.tolist(),
-        "effect_information": packed(evidence.information),
+        "effect_information": evidence.information[np.triu_indices(evidence.score.size)].tolist(),
         "effect_visible_K": evidence.visible_K.tolist(),
     }
 
@@ -125,26 +124,16 @@ def effect_columns(evidence: Evidence) -> dict[str, Any]:
 def evidence_in(row: Mapping[str, Any]) -> Evidence:
     """Return the evidence on effects that a row with the columns of `OF_EFFECTS` holds."""
     score = np.asarray(row["effect_score"], dtype=float)
+    half = np.zeros((score.size, score.size))
+    half[np.triu_indices(score.size)] = row["effect_information"]
     return Evidence(
         parameters=tuple(row["effect_parameters"]),
         effects=tuple(row["effects"]),
         scale=np.asarray(row["effect_scale"], dtype=float),
         score=score,
-        information=unpacked(row["effect_information"], score.size),
+        information=half + np.triu(half, 1).T,
         visible_K=np.asarray(row["effect_visible_K"], dtype=float),
     )
-
-
-def packed(matrix: Float[np.ndarray, "all all"]) -> list[float]:
-    """Return the upper triangle of a symmetric matrix, row by row."""
-    return matrix[np.triu_indices(matrix.shape[0])].tolist()
-
-
-def unpacked(numbers: Any, size: int) -> Float[np.ndarray, "all all"]:
-    """Return the symmetric matrix of an upper triangle; the inverse of `packed`."""
-    matrix = np.zeros((size, size))
-    matrix[np.triu_indices(size)] = numbers
-    return matrix + np.triu(matrix, 1).T
 
 
 FORMAT = "heatrun-fleet-rows/3"
@@ -325,11 +314,8 @@ def _covariance(kinds: Sequence[Parameter], of_scores: np.ndarray) -> list[float
 
 def findings_text(findings: Sequence[Finding]) -> str:
     """Return findings as JSON text, those that were made twice once."""
-    every = [
-        {"id": f.id, "severity": f.severity, "message": f.message, "where": f.where,
-         "remedy": f.remedy, "test": f.test}
-        for f in findings
-    ]  # fmt: skip
+    keys = ("id", "severity", "message", "where", "remedy", "test")
+    every = [{key: getattr(finding, key) for key in keys} for finding in findings]
     return json.dumps(to_plain([f for i, f in enumerate(every) if f not in every[:i]]),
                       ensure_ascii=False)  # fmt: skip
 

@@ -22,7 +22,7 @@ from heatrun.results import to_json
 from heatrun.results.schema import schema_of
 from heatrun_fleet.machine import Prepared, prepare
 from heatrun_fleet.results import SCHEMAS
-from heatrun_fleet.rows import effect_columns, evidence_in, packed, unpacked
+from heatrun_fleet.rows import effect_columns, evidence_in
 from heatrun_fleet.shared_effects.job import (
     NAME,
     discover_fleet,
@@ -85,8 +85,6 @@ def found(num, seed, *settings, **more):
 
 
 def test_a_row_gives_the_evidence_back():
-    L = information()
-    assert unpacked(packed(L), len(L)) == pytest.approx(L, rel=1e-12)
     _, (evidence,) = machines(1, 0)
     again = evidence_in(effect_columns(evidence))
     assert (again.parameters, again.effects) == (evidence.parameters, evidence.effects)

@@ -325,18 +325,6 @@ SIDE_S = 1e-9
 """Puts no shift on the side from which `lptn.effects.TimeShift` has its slope [s]."""
 
 
-class LateMeans(NamedTuple):
-    """Block means of what is read late: the measured node [degC] and its rise above the sink as the
-    channel has it [K], derivatives of the former by quantity, and of both by the time [K/s].
-    """
-
-    temperature: Float[Array, "block lane"]
-    rise: Float[Array, "block lane"]
-    slopes: dict[str, Float[Array, "block lane"]]
-    temperature_by_time: Float[Array, "block lane"]
-    rise_by_time: Float[Array, "block lane"]
-
-
 class _Shift(NamedTuple):
     """How much of its neighbours an edge takes on [1], and the length of a step [s]."""
 
@@ -361,8 +349,9 @@ class _Shift(NamedTuple):
 
 def late_means(
     model: Model, rows: Group, quantities: Values, free: list[str], late_s: Lane
-) -> LateMeans:
-    """Return the block means of tests whose readings are late.
+) -> tuple[Array, dict[str, Array], Array, Array, Array]:
+    """Return block means of tests whose readings are late and their derivatives by quantity, as
+    `march`, those of the sink [degC], and the derivatives of both by the time [K/s].
 
     A logger of the load that is too slow to tell when a step came moves the whole reading by a time
     of its own in each test, straight between the edges of the steps. Here it moves by a step at
@@ -405,13 +394,8 @@ def late_means(
     temperature, *slopes, by_time = found
     sink, sink_by_time = _sink(rows, shift)
     temperature = temperature - model.coefficient * jnp.sum(rows.weight, axis=1)
-    return LateMeans(
-        temperature,
-        temperature - sink,
-        dict(zip(march.names, slopes, strict=True)),
-        by_time,
-        by_time - sink_by_time,
-    )
+    of_names = dict(zip(march.names, slopes, strict=True))
+    return temperature, of_names, sink, by_time, sink_by_time
 
 
 def _sink(rows: Group, shift: _Shift) -> tuple[Array, Array]:

@@ -95,13 +95,13 @@ def residuals_of_group(
     seen = jnp.sum(group.weight, axis=1)
     late: dict[str, Array] = {}
     if "load_timing" in values:
-        means = late_means(structure.model, group, quantities, free, values["load_timing"])
-        mean, slopes = means.temperature, means.slopes
-        rise = means.rise - values["ambient_offset"] * seen
-        late["load_timing"] = means.temperature_by_time + gain * means.rise_by_time
+        mean, slopes, sink, by_time, sink_by_time = late_means(
+            structure.model, group, quantities, free, values["load_timing"]
+        )
+        late["load_timing"] = by_time + gain * (by_time - sink_by_time)
     else:
-        mean, slopes = march(structure.model, group, quantities, free)
-        rise = mean - group.sensed_ambient - values["ambient_offset"] * seen
+        (mean, slopes), sink = march(structure.model, group, quantities, free), group.sensed_ambient
+    rise = mean - sink - values["ambient_offset"] * seen
     reading = mean + gain * rise + offset * seen
 
     by_name: dict[str, Array] = {"sensor_gain": rise, "sensor_offset": seen} | late
