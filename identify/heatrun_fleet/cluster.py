@@ -92,12 +92,8 @@ def require_dask() -> None:
 
 
 class Pool:
-    """Workers that can be given batches.
-
-    Args:
-        client: Of their scheduler.
-        cluster: What starts them, where they are of this machine; else None.
-        num: How many there should be, where they are of this machine.
+    """Workers that can be given batches, by the client of their scheduler; where they are of this
+    machine, with what starts them and how many there should be.
     """
 
     def __init__(self, client: Any, cluster: Any = None, num: int = 0) -> None:
@@ -134,11 +130,7 @@ class Pool:
 
 @contextmanager
 def connected(workers: Workers, most: int) -> Iterator[Pool]:
-    """Give the workers for the time of the context.
-
-    Args:
-        workers: Which processes.
-        most: Batches to be worked out; no more processes are started.
+    """Give the workers for the time of the context; no more processes are started than `most`.
 
     Raises:
         InputError: If dask is not installed, processes do not start, or the scheduler does not
@@ -270,39 +262,25 @@ def over_workers(
     done: Callable[[Batch, Done], None],
     work: Callable[[Batch], Done] = work_out,
 ) -> None:
-    """Have batches worked out, as many at once as there are workers.
-
-    Args:
-        pool: From `connected`.
-        batches: What is to be worked out.
-        done: Told each batch with its rows, in the order in which they are finished.
-        work: Works out a batch in a worker.
+    """Have batches worked out, as many at once as there are workers; `done` is told each with its
+    rows, in the order in which they are finished.
 
     Raises:
         InputError: If a worker has other versions or settings, or the scheduler is gone.
     """
-    suspects: list[Batch] = []
-
-    def ended(batch: Batch, result: Done | None) -> None:
-        if result is None:
-            suspects.append(batch)
-        else:
-            done(batch, result)
-
-    _all_of(pool, batches, ended, work)
-    for batch in suspects:
+    for batch in _all_of(pool, batches, done, work):
         done(batch, _one_by_one(pool, batch, work))
 
 
 def _all_of(
-    pool: Pool, batches: Sequence[Batch], ended: Callable[[Batch, Done | None], None],
+    pool: Pool, batches: Sequence[Batch], done: Callable[[Batch, Done], None],
     work: Callable[[Batch], Done], at_once: int | None = None,
-) -> None:  # fmt: skip
-    """Work out batches; tell each with what came of it, None where workers died on it."""
+) -> list[Batch]:  # fmt: skip
+    """Work out batches; return those on which workers died."""
     from distributed import CancelledError, KilledWorker, wait
 
     run = uuid4().hex[:8]
-    waiting = deque(batches)
+    waiting, suspects = deque(batches), []
     running: dict[Any, Batch] = {}
     try:
         while waiting or running:
@@ -319,15 +297,17 @@ def _all_of(
                 continue  # to see whether there are workers still
             for future in looked.done:
                 batch = running.pop(future)
-                error = None if future.status == "finished" else future.exception()
-                result = future.result() if error is None else None
-                future.release()
-                if error is not None and not isinstance(error, KilledWorker):
-                    raise error
-                ended(batch, result)
+                try:
+                    result: Any = future.result()
+                except KilledWorker:
+                    suspects.append(batch)
+                    continue
+                finally:
+                    future.release()
+                done(batch, result)
     except (CancelledError, OSError, TimeoutError) as error:
         if isinstance(error, OSError) and error.errno is not None:
-            raise  # of this machine's disk, by `ended`
+            raise  # of this machine's disk, by `done`
         raise InputError(
             f"The workers cannot be reached any more ({type(error).__name__}).",
             remedy="The same command goes on from what was finished.",
@@ -335,18 +315,16 @@ def _all_of(
     finally:
         for future in running:
             future.cancel()
+    return suspects
 
 
 def _one_by_one(pool: Pool, batch: Batch, work: Callable[[Batch], Done]) -> Done:
     """Work out the machines of a batch, one after the other and nothing beside."""
     parts: list[Done] = []
-
-    def keep(single: Batch, result: Done | None) -> None:
-        parts.append(result or given_up(single, DEATHS))
-
     for entry in batch.entries:
         single = batch.of_one(entry)
-        _all_of(pool, [single], keep, work, at_once=1)
+        if _all_of(pool, [single], lambda _, result: parts.append(result), work, at_once=1):
+            parts.append(given_up(single, DEATHS))
     changed = next((part.changed for part in parts if part.changed), "")
     if changed:
         return Done(batch.name, b"", {}, changed=changed)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,12 +32,8 @@ BETWEEN = "|"
 
 @dataclass(frozen=True)
 class Row:
-    """A row of the fleet's table.
-
-    Attributes:
-        place: Where it stands, in words, such as `"line 7"`.
-        cells: Texts by column, empty cells left out.
-        problem: Why the row cannot be read as one; empty if it can.
+    """A row of the fleet's table: where it stands, such as `"line 7"`, its texts by column without
+    empty cells, and why it cannot be read as one, empty if it can.
     """
 
     place: str
@@ -73,13 +70,10 @@ class Entry:
 
 
 def check_columns(names: Sequence[str], covariates: Sequence[str] | None, where: str) -> None:
-    """Refuse a table whose columns cannot be what was meant.
+    """Refuse a table whose columns, after `ALIASES`, cannot be what was meant.
 
-    Args:
-        names: Columns, after `ALIASES`.
-        covariates: Columns that are covariates, where the fleet file lists them; None lets every
-            column be one whose name is not close to one of `COLUMNS`.
-        where: The table, for messages.
+    Where the fleet file does not list covariates, every column is one whose name is not close to
+    one of `COLUMNS`.
 
     Raises:
         InputError: If a column is missing, there twice, not known, or looks misspelt.
@@ -117,13 +111,8 @@ def check_columns(names: Sequence[str], covariates: Sequence[str] | None, where:
 
 
 def gathered(rows: Sequence[Row], *, type: str, motor: str, where: str) -> tuple[Entry, ...]:
-    """Return the machines of a table in the order of their first rows.
-
-    Args:
-        rows: The rows; those of one machine are its tests.
-        type: Type of machines whose rows name none.
-        motor: Motor file of machines whose rows name none.
-        where: The table, for findings.
+    """Return the machines of a table in the order of their first rows; type and motor file are
+    those of machines whose rows name none.
     """
     by_machine: dict[str, list[Row]] = {}
     for row in rows:
@@ -133,50 +122,53 @@ def gathered(rows: Sequence[Row], *, type: str, motor: str, where: str) -> tuple
 
 
 def _entry(name: str, rows: Sequence[Row], type: str, motor: str, where: str) -> Entry:
-    findings = [_finding("bad_row", row.problem, f"{where}, {row.place}")
-                for row in rows if row.problem]  # fmt: skip
-    if "machine" not in rows[0].cells:
-        findings.append(
-            _finding("no_machine", "The row names no machine.", f"{where}, {rows[0].place}",
-                     "Write the name of the machine into the column machine.")
-        )  # fmt: skip
+    findings: list[Finding] = []
+
+    def wrong(id: str, row: Row, message: str, remedy: str = "Correct the row.") -> None:
+        findings.append(Finding(id, "error", message, f"{where}, {row.place}", remedy))
+
+    first = rows[0]
+    for row in rows:
+        if row.problem:
+            wrong("bad_row", row, row.problem)
+    if "machine" not in first.cells:
+        wrong("no_machine", first, "The row names no machine.",
+              "Write the name of the machine into the column machine.")  # fmt: skip
     said: dict[str, str] = {}
     for row in rows:
         for column, text in row.cells.items():
             if column in ("machine", "test", "tests", "holdout", "role"):
                 continue
-            if said.setdefault(column, text) != text:
-                findings.append(
-                    _finding("contradictory_rows",
-                             f"{column} is {said[column]!r:.60} in one row and {text!r:.60} in "
-                             "another.", f"{where}, {row.place}",
-                             "One machine has one of it: correct the rows, or give the machines "
-                             "names of their own.")
-                )  # fmt: skip
+            if (before := said.setdefault(column, text)) != text:
+                wrong("contradictory_rows", row,
+                      f"{column} is {before!r:.60} in one row and {text!r:.60} in another.",
+                      "One machine has one of it: correct the rows, or give the machines names of "
+                      "their own.")  # fmt: skip
     tests: dict[str, list[str]] = {role: [] for role in ROLES}
     for row in rows:
         role = row.cells.get("role", ROLES[0]).casefold()
         if role not in ROLES:
             near = did_you_mean(role, ROLES)
-            findings.append(
-                _finding("unknown_role", f"Expected the role {' or '.join(ROLES)}, got "
-                         f"{role!r:.60}. {near}".strip(), f"{where}, {row.place}")
-            )  # fmt: skip
+            expected = f"Expected the role {' or '.join(ROLES)}, got {role!r:.60}. {near}"
+            wrong("unknown_role", row, expected.strip())
             role = ROLES[0]
         tests[role] += [*_files(row, "test"), *_files(row, "tests")]
         tests["holdout"] += _files(row, "holdout")
-    findings += _test_findings(tests, where, rows[0].place)
-    motor_file = said.pop("motor", motor)
-    if not motor_file:
-        findings.append(
-            _finding("no_motor", "No motor file is named.", f"{where}, {rows[0].place}",
-                     "Fill the column motor, or write motor = \"motor.toml\" under [fleet] of a "
-                     "fleet file.")
-        )  # fmt: skip
+    if not tests["calibration"]:
+        wrong("no_test", first, "The machine has no test to be fitted.",
+              "Name a bench file in the column test.")  # fmt: skip
+    for test, num in Counter(test for role in ROLES for test in tests[role]).items():
+        if num > 1:
+            wrong("duplicate_test", first, f"The test {test[:200]} is named {num} times.",
+                  "Name each test once: twice the same readings would look twice as "
+                  "sure.")  # fmt: skip
+    if not (motor := said.pop("motor", motor)):
+        wrong("no_motor", first, "No motor file is named.", "Fill the column motor, or write "
+              'motor = "motor.toml" under [fleet] of a fleet file.')  # fmt: skip
     return Entry(
         machine=name,
         type=said.pop("type", type),
-        motor=motor_file,
+        motor=motor,
         tests=tuple(tests["calibration"]),
         holdout=tuple(tests["holdout"]),
         covariates=tuple(said.items()),
@@ -184,30 +176,8 @@ def _entry(name: str, rows: Sequence[Row], type: str, motor: str, where: str) ->
     )
 
 
-def _test_findings(tests: Mapping[str, Sequence[str]], where: str, place: str) -> list[Finding]:
-    found = []
-    if not tests["calibration"]:
-        found.append(
-            _finding("no_test", "The machine has no test to be fitted.", f"{where}, {place}",
-                     "Name a bench file in the column test.")
-        )  # fmt: skip
-    every = [test for role in ROLES for test in tests[role]]
-    for test in dict.fromkeys(every):
-        if every.count(test) > 1:
-            found.append(
-                _finding("duplicate_test", f"The test {test[:200]} is named {every.count(test)} "
-                         "times.", f"{where}, {place}", "Name each test once: twice the "
-                         "same readings would look twice as sure.")
-            )  # fmt: skip
-    return found
-
-
 def _files(row: Row, column: str) -> list[str]:
     return [part.strip() for part in row.cells.get(column, "").split(BETWEEN) if part.strip()]
-
-
-def _finding(id: str, message: str, where: str, remedy: str = "") -> Finding:
-    return Finding(id, "error", message, where, remedy or "Correct the row.")
 
 
 def _is_close(name: str) -> bool:
@@ -239,15 +209,10 @@ DELIMITERS = (",", ";", "\t")
 
 
 def read_manifest(path: str | Path) -> tuple[list[str], list[Row]]:
-    """Read the table of the machines.
+    """Return the columns and rows of the table of the machines, Parquet or text with a heading.
 
-    Args:
-        path: A file that ends in `.parquet`, or text of columns between commas, semicolons or tabs
-            with a heading.
-
-    Returns:
-        The names of the columns, `ALIASES` resolved, and the rows, blank ones left out. A row that
-        has too many cells or one that is too long has a problem.
+    `ALIASES` are resolved and blank rows left out. A row that has too many cells or one that is too
+    long has a problem.
 
     Raises:
         InputError: If the file cannot be read, is no table, or holds no row.

@@ -23,6 +23,7 @@ import os
 import platform
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -42,6 +43,8 @@ from .rows import FORMAT
 
 KEYS = ("name", "model", "motor", "type", "effects", "manifest", "covariates")
 
+LISTS = ("effects", "covariates")
+
 ENDS = (".parquet", ".csv", ".tsv", ".txt")
 """Of a manifest that is given in place of a fleet file."""
 
@@ -56,7 +59,6 @@ class Fleet:
         effects: Ids of known effects beyond those of the motor files.
         entries: The machines, in the order of the file.
         folder: What paths are relative to, absolute.
-        path: The file, as it was named.
         inputs: SHA-256 by name of the fleet file and of the manifest.
     """
 
@@ -65,7 +67,6 @@ class Fleet:
     effects: tuple[str, ...]
     entries: tuple[Entry, ...]
     folder: Path
-    path: str
     inputs: Mapping[str, str]
 
 
@@ -83,10 +84,44 @@ def load_fleet(path: str | Path, model: str | NetworkForm | None = None) -> Flee
             machine. A single row that is wrong raises nothing: its machine carries a finding.
     """
     path = Path(path)
-    if path.suffix.lower() in ENDS:
-        return _of_manifest(path, model)
-    data = read_start(path, LARGEST_BYTES)
-    where = str(path)
+    where, folder = str(path), path.resolve().parent
+    is_alone = path.suffix.lower() in ENDS
+    if is_alone:
+        texts, lists, machines, inputs = {"name": path.stem, "manifest": path.name}, {}, None, {}
+    else:
+        data = read_start(path, LARGEST_BYTES)
+        texts, lists, machines = _said(data, where)
+        inputs = {path.name: hashlib.sha256(data).hexdigest()}
+    table = texts.get("manifest", path.name)
+    if machines is not None:
+        names, rows = _rows_of(machines, where)
+    else:
+        names, rows = read_manifest(path if is_alone else folder / table)
+        inputs[table] = digest(folder / table)
+    check_columns(names, lists.get("covariates"), table)
+    if is_alone and "motor" not in names:
+        raise InputError(
+            "Expected a column motor with the motor files, found none.",
+            where=where,
+            remedy="Add it; or write a fleet file with [fleet] name, motor and manifest = "
+            f'"{path.name}", and give that.',
+        )
+    said = texts.get("model", "second")
+    own = str(folder / said) if said.endswith(".toml") else said  # relative to the file
+    return Fleet(
+        name=texts["name"],
+        network=network_named(own if model is None else model),
+        effects=lists.get("effects", ()),
+        entries=gathered(
+            rows, type=texts.get("type", ""), motor=texts.get("motor", ""), where=table
+        ),
+        folder=folder,
+        inputs=inputs,
+    )
+
+
+def _said(data: bytes, where: str) -> tuple[dict[str, str], dict[str, tuple[str, ...]], Any]:
+    """Return the texts and lists of a fleet file, and its `[[machines]]` if they stand in it."""
     if len(data) > LARGEST_BYTES:
         raise InputError(
             f"Expected a fleet file of at most {LARGEST_BYTES // 2**20} MB, got more.",
@@ -103,14 +138,11 @@ def load_fleet(path: str | Path, model: str | NetworkForm | None = None) -> Flee
         )  # fmt: skip
     at = f"{where}, [fleet]"
     check_keys(fleet, KEYS, at, "key")
-    texts = {k: text_of(fleet, k, at) for k in KEYS if k in fleet and not _is_list(k)}
+    texts = {k: text_of(fleet, k, at) for k in KEYS if k in fleet and k not in LISTS}
     if "name" not in texts:
         raise InputError(
             "Expected the name of the fleet, found none.", where=at, remedy='Add: name = "…".'
         )
-    covariates = _texts(fleet, "covariates", at) if "covariates" in fleet else None
-    folder = path.resolve().parent
-    inputs = {path.name: hashlib.sha256(data).hexdigest()}
     if ("manifest" in texts) == ("machines" in content):
         raise InputError(
             "Expected either a manifest or [[machines]], got "
@@ -118,54 +150,8 @@ def load_fleet(path: str | Path, model: str | NetworkForm | None = None) -> Flee
             where=at,
             remedy='Write manifest = "machines.csv", or [[machines]] with id and tests for each.',
         )
-    if "manifest" in texts:
-        table = folder / texts["manifest"]
-        names, rows = read_manifest(table)
-        table_where = texts["manifest"]
-        inputs[texts["manifest"]] = _sha256(table)
-    else:
-        names, rows = _rows_of(content["machines"], where)
-        table_where = path.name
-    check_columns(names, covariates, table_where)
-    return Fleet(
-        name=texts["name"],
-        network=_network(model, texts.get("model", "second"), folder),
-        effects=_texts(fleet, "effects", at),
-        entries=gathered(
-            rows, type=texts.get("type", ""), motor=texts.get("motor", ""), where=table_where
-        ),
-        folder=folder,
-        path=where,
-        inputs=inputs,
-    )
-
-
-def _of_manifest(path: Path, model: str | NetworkForm | None) -> Fleet:
-    names, rows = read_manifest(path)
-    check_columns(names, None, path.name)
-    if "motor" not in names:
-        raise InputError(
-            "Expected a column motor with the motor files, found none.",
-            where=str(path),
-            remedy="Add it; or write a fleet file with [fleet] name, motor and manifest = "
-            f'"{path.name}", and give that.',
-        )
-    return Fleet(
-        name=path.stem,
-        network=network_named(model or "second"),
-        effects=(),
-        entries=gathered(rows, type="", motor="", where=path.name),
-        folder=path.resolve().parent,
-        path=str(path),
-        inputs={path.name: _sha256(path)},
-    )
-
-
-def _network(model: str | NetworkForm | None, said: str, folder: Path) -> NetworkForm:
-    """Return the network that was asked for, or the file's, which is relative to the file."""
-    if model is not None:
-        return network_named(model)
-    return network_named(str(folder / said) if said.endswith(".toml") else said)
+    lists = {k: _texts(fleet[k], k, at) for k in LISTS if k in fleet}
+    return texts, lists, content.get("machines")
 
 
 def _rows_of(machines: Any, where: str) -> tuple[list[str], list[Row]]:
@@ -204,12 +190,7 @@ def _rows_of(machines: Any, where: str) -> tuple[list[str], list[Row]]:
     return list(names), rows
 
 
-def _is_list(key: str) -> bool:
-    return key in ("effects", "covariates")
-
-
-def _texts(fleet: Mapping[str, Any], key: str, where: str) -> tuple[str, ...]:
-    value = fleet.get(key, [])
+def _texts(value: Any, key: str, where: str) -> tuple[str, ...]:
     if not isinstance(value, list) or not all(isinstance(each, str) for each in value):
         raise InputError(
             f"Expected a list of texts for {key}, got {shown(value)}.",
@@ -223,12 +204,6 @@ def _texts(fleet: Mapping[str, Any], key: str, where: str) -> tuple[str, ...]:
             remedy="Leave it out of the list, or rename the column.",
         )  # fmt: skip
     return tuple(value)
-
-
-def _sha256(path: Path) -> str:
-    from heatrun.io.open_file import digest
-
-    return digest(path)
 
 
 PACKAGES = ("heatrun", "numpy", "scipy", "jax", "jaxlib", "equinox", "diffrax", "optimistix",
@@ -296,17 +271,14 @@ def named(batch: Batch) -> Batch:
 
 
 def numerics(**settings: str) -> dict[str, Any]:
-    """Return what a row depends on beside its inputs: versions, compiler, threads.
-
-    Args:
-        **settings: Values of `SETTINGS` that hold where the rows are worked out, if not here.
+    """Return what a row depends on beside its inputs: versions, compiler, threads; with the values
+    of `SETTINGS` that hold where the rows are worked out, if not here.
     """
-    held = {name: os.environ.get(name, "") for name in SETTINGS} | settings
     return {
         "python": platform.python_version(),
         "machine": platform.machine(),
         "packages": {name: version(name) for name in PACKAGES},
-        "settings": held,
+        "settings": {name: os.environ.get(name, "") for name in SETTINGS} | settings,
     }
 
 
@@ -314,15 +286,8 @@ def batches_of(
     fleet: Fleet, digests: Digests, size: int, *, seed: int, numerics: Mapping[str, Any],
     discovers: bool = False,
 ) -> list[Batch]:  # fmt: skip
-    """Return the batches of a fleet: so many machines each, in the order of the file.
-
-    Args:
-        fleet: The fleet.
-        digests: From `digests_of`.
-        size: Machines in a batch.
-        seed: Random seed.
-        numerics: As `numerics`.
-        discovers: Whether rows hold what the tests say of effects.
+    """Return the batches of a fleet: so many machines each, in the order of the file; arguments as
+    the attributes of `Batch`.
     """
     entries = _with_findings_on_copies(fleet, digests)
     found = []
@@ -339,7 +304,6 @@ def batches_of(
 def digests_of(fleet: Fleet) -> dict[str, str]:
     """Return the SHA-256 of all files of a fleet, read several at once."""
     paths = list(dict.fromkeys(p for e in fleet.entries for _, p in files_by_role(e, fleet.folder)))
-
     with ThreadPoolExecutor(NUM_AT_ONCE) as pool:
         found = pool.map(digest_or_none, (fleet.folder / path for path in paths))
         return dict(zip(paths, found, strict=True))
@@ -359,50 +323,33 @@ def files_by_role(entry: Entry, folder: str | Path) -> Iterator[tuple[str, str]]
         yield "motor", entry.motor
     for role, tests in (("calibration", entry.tests), ("holdout", entry.holdout)):
         for test in tests:
-            for file, _ in _files_of(test, folder):
-                yield role, _relative(file, folder)
+            with suppress(InputError):  # a stretch that is none: said when the machine is read
+                for file, _ in files_of(resolved(test, folder)):
+                    own = file.relative_to(folder) if file.is_relative_to(folder) else file
+                    yield role, str(own)
 
 
 def resolved(test: str, folder: str | Path) -> Path:
-    """Return a test as the readers take it: each of its files in the folder of the fleet file.
-
-    Args:
-        test: As the command line names it, such as `a.csv+b.csv@10Hz`.
-        folder: The folder.
+    """Return a test such as `a.csv+b.csv@10Hz` as the readers take it: each of its files in the
+    folder of the fleet file.
     """
     base = Path(folder)
     whole = base / test
-    if "+" not in test or _exists(whole):
-        return whole
-    return Path("+".join(str(base / part) for part in test.split("+")))
-
-
-def _files_of(test: str, folder: str | Path) -> Sequence[tuple[Path, str | None]]:
     try:
-        return files_of(resolved(test, folder))
-    except InputError:
-        return ()  # a stretch that is none: said of the machine when it is read
-
-
-def _relative(file: Path, folder: str | Path) -> str:
-    return str(file.relative_to(folder) if file.is_relative_to(folder) else file)
-
-
-def _exists(path: Path) -> bool:
-    try:
-        return path.exists()
-    except (OSError, ValueError):
-        return False
+        is_one = "+" not in test or whole.exists()
+    except (OSError, ValueError):  # no file can have this name
+        is_one = False
+    return whole if is_one else Path("+".join(str(base / part) for part in test.split("+")))
 
 
 def _with_findings_on_copies(fleet: Fleet, digests: Digests) -> list[Entry]:
     """Return the machines, those that share a test with another one with a warning."""
     owners: dict[str, list[str]] = {}
-    own: list[list[tuple[str, str]]] = []
+    own: list[dict[str, str]] = []
     for entry in fleet.entries:
-        files = [(p, digests[p]) for r, p in files_by_role(entry, fleet.folder) if r != "motor"]
-        own.append([(path, sha) for path, sha in files if sha])
-        for sha in {sha for _, sha in own[-1]}:
+        files = [path for role, path in files_by_role(entry, fleet.folder) if role != "motor"]
+        own.append({path: digests[path] for path in files if digests[path]})
+        for sha in set(own[-1].values()):
             owners.setdefault(sha, []).append(entry.machine)
     entries = []
     for entry, files in zip(fleet.entries, own, strict=True):
@@ -413,7 +360,7 @@ def _with_findings_on_copies(fleet: Fleet, digests: Digests) -> list[Entry]:
                 remedy="Check whether a file was copied under another name; machines that share a "
                 "test make a type look more alike than it is.",
             )
-            for path, sha in dict(files).items()
+            for path, sha in files.items()
             if len(owners[sha]) > 1
         ]  # fmt: skip
         entries.append(replace(entry, findings=(*entry.findings, *found)) if found else entry)

@@ -21,6 +21,7 @@ import numpy as np
 
 from heatrun.errors import InputError
 from heatrun.io.caches import FolderLock
+from heatrun.io.open_file import digest
 from heatrun.io.quantities import printed_unit, rounded
 from heatrun.io.whole_files import (
     folder_name,
@@ -40,7 +41,7 @@ from .cluster import Workers, connected, over_workers, require_dask
 from .fleet_file import Batch, Fleet, batches_of, digests_of, numerics
 from .machine import Done, work_out
 from .results import FleetDiscoveryResult
-from .rows import FITTED, FOLDER, Parts, join, read_part, schema
+from .rows import FITTED, FOLDER, LOST, Parts, join, read_columns, read_part, schema
 from .shared_effects.job import NAME as DISCOVERY
 from .shared_effects.job import discover_fleet, read_discovery
 
@@ -106,19 +107,9 @@ def calibrate_fleet_into(
 ) -> FleetResult:
     """Calibrate the machines of a fleet and write its folder.
 
-    Args:
-        path: The folder; an unfinished or finished one of the same fleet there is taken up.
-        fleet: From `heatrun_fleet.fleet_file.load_fleet`.
-        workers: Which processes work.
-        batch: Machines in a batch.
-        discover: Whether effects are sought that the machines of a type share.
-        seed: Random seed, the same for each machine.
-        command: As it is to stand in the manifest.
-        is_named: Whether `path` is where the user wants the result; else it gets a number where
-            another result stands there.
-        is_replacing: Whether another result at `path` is replaced; what has not changed is kept.
-        say: Told what is being done.
-        progress: Called with a sentence and the share done, 1 when the folder is there.
+    As `heatrun.calibrate_fleet`. An unfinished or finished folder of the same fleet is taken up;
+    where `path` is not what the user has named, another result gives it a number. The command is
+    what stands in the manifest; `say` is told what is being done, `progress` the share done.
 
     Raises:
         InputError: If pyarrow or dask is needed and not installed, the folder holds something
@@ -133,10 +124,17 @@ def calibrate_fleet_into(
     digests = digests_of(fleet)
     batches = batches_of(fleet, digests, batch, seed=seed, discovers=discover,
                          numerics=numerics(**workers.settings))  # fmt: skip
-    identity = _identity(batches)
+    identity = _digest([each.name for each in batches])
     if not is_named and not is_replacing:
         path = next(place for place in numbered(path) if not _holds_another(place, identity))
-    _refuse_what_stands_there(path, identity, is_replacing=is_replacing)
+    if _holds_another(path, identity):
+        if not _manifest(path):
+            raise InputError(
+                f"{path} exists and is not the folder of a fleet (it has no {MANIFEST} of one).",
+                remedy="Choose another --out.",
+            )
+        if not is_replacing:
+            refuse_replacing(path, "another fleet, or this one with other inputs or settings")
     with writable("the folder of the fleet", path.parent):
         lock = FolderLock.take(path / FOLDER)
     try:
@@ -168,13 +166,12 @@ def _work_out(
     names = {each.name: [e.machine for e in each.entries] for each in batches}
     left = [each for each in batches if not parts.holds(each.name, names[each.name])]
     num = sum(len(each.entries) for each in batches)
-    todo = sum(len(each.entries) for each in left)
+    finished = num - sum(len(each.entries) for each in left)
     if len(left) < len(batches):
-        say(f"{num - todo} of {_count(num, 'machine')} were worked out before")
+        say(f"{finished} of {_count(num, 'machine')} were worked out before")
     if not left:
         return
     work = Work({each.name: USUAL_S * len(each.entries) for each in left}, progress)
-    finished = num - todo
     changed: list[str] = []
 
     def done(batch: Batch, result: Done) -> None:
@@ -211,7 +208,6 @@ def _assemble(
         whole if (whole := parts.path(each.name)).is_file() else parts.lost_path(each.name)
         for each in batches
     ]
-    lost = [place for place in places if place.name.endswith(".lost.parquet")]
     timing = {
         "unit": "s",
         "batches": [
@@ -221,7 +217,7 @@ def _assemble(
     }
     with together(path, "fleet") as files:
         join(places, files.aside / MACHINES)
-        status = Counter(_statuses(files.aside / MACHINES))
+        status = Counter(row["status"] for row in read_columns(files.aside / MACHINES, ["status"]))
         write_whole(files.aside / TIMING, (to_json(timing) + "\n").encode())
         names = (MACHINES, TIMING)
         if batches[0].discovers:
@@ -243,11 +239,11 @@ def _assemble(
                 "tests and motor files": _digest([f"{k} {v}" for k, v in sorted(digests.items())]),
             },
             "identity": identity,
-            "is_whole": not lost,
+            "is_whole": not any(place.name.endswith(LOST) for place in places),
             "numerics": dict(batches[0].numerics),
             **environment(),
             "fleet_packages": {name: _version(name) for name in ("pyarrow", "dask", "distributed")},
-            "files": {name: _sha256(files.aside / name) for name in names},
+            "files": {name: digest(files.aside / name) for name in names},
         }
         write_whole(files.aside / MANIFEST, (to_json(manifest) + "\n").encode())
     if DISCOVERY not in names:
@@ -255,24 +251,8 @@ def _assemble(
     return FleetResult(path, json.loads(to_json(manifest)))
 
 
-def _statuses(path: Path) -> list[str]:
-    from pyarrow.parquet import ParquetFile
-
-    with ParquetFile(path) as file:
-        return file.read(columns=["status"]).column("status").to_pylist()
-
-
-def _identity(batches: Sequence[Batch]) -> str:
-    return _digest([each.name for each in batches])
-
-
 def _digest(lines: Sequence[str]) -> str:
     return hashlib.sha256("\n".join(lines).encode(errors="backslashreplace")).hexdigest()
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _manifest(path: Path) -> dict[str, Any]:
@@ -281,34 +261,17 @@ def _manifest(path: Path) -> dict[str, Any]:
         content = json.loads((path / MANIFEST).read_bytes())
     except (OSError, ValueError, RecursionError):
         return {}
-    is_fleet = isinstance(content, dict) and content.get("format") == FORMAT
-    return content if is_fleet else {}
+    return content if isinstance(content, dict) and content.get("format") == FORMAT else {}
 
 
 def _holds_another(path: Path, identity: str) -> bool:
     """Whether something stands at a path that is no folder of this fleet."""
-    if not path.exists():
-        return False
-    if path.is_dir() and _manifest(path):
-        return _manifest(path).get("identity") != identity
-    return not path.is_dir() or not _is_unfinished(path)
-
-
-def _is_unfinished(path: Path) -> bool:
-    """Whether a folder holds nothing but parts."""
-    return all(entry.name == FOLDER or is_aside(Path(entry.name)) for entry in path.iterdir())
-
-
-def _refuse_what_stands_there(path: Path, identity: str, *, is_replacing: bool) -> None:
-    if not _holds_another(path, identity):
-        return
-    if not _manifest(path):
-        raise InputError(
-            f"{path} exists and is not the folder of a fleet (it has no {MANIFEST} of one).",
-            remedy="Choose another --out.",
-        )
-    if not is_replacing:
-        refuse_replacing(path, "another fleet, or this one with other inputs or settings")
+    if not path.is_dir():
+        return path.exists()
+    if manifest := _manifest(path):
+        return manifest.get("identity") != identity
+    # an unfinished one holds nothing but parts
+    return not all(entry.name == FOLDER or is_aside(Path(entry.name)) for entry in path.iterdir())
 
 
 def _finished(path: Path, identity: str) -> FleetResult | None:
@@ -317,7 +280,7 @@ def _finished(path: Path, identity: str) -> FleetResult | None:
     if manifest.get("identity") != identity or not manifest.get("is_whole"):
         return None
     try:
-        is_sound = all(_sha256(path / name) == sha for name, sha in manifest["files"].items())
+        is_sound = all(digest(path / name) == sha for name, sha in manifest["files"].items())
     except (OSError, KeyError, AttributeError):
         return None
     return FleetResult(path, manifest) if is_sound else None
@@ -338,78 +301,54 @@ MOST_NAMED = 10
 """Machines that are named with their reason on the terminal; all stand in the file."""
 
 COLUMNS = ("machine", "type", "status", "findings", "result", "parameters", "parameter_units",
-           "parameter_values",
-           "is_converged")  # fmt: skip
+           "parameter_values", "is_converged")  # fmt: skip
 
 
 def summary(result: FleetResult) -> dict[str, Any]:
-    """Return the object that `heatrun fleet --json` prints.
-
-    Args:
-        result: The fleet.
-    """
-    from pyarrow.parquet import ParquetFile
-
-    with ParquetFile(result.machines_path) as file:
-        rows = file.read(columns=list(COLUMNS)).to_pylist()
-    said = result.manifest
-    apart = [
-        {
-            "machine": row["machine"],
-            "status": row["status"],
-            "result": row["result"],
-            "findings": json.loads(row["findings"]),
-        }
-        for row in rows
-        if row["status"] != FITTED
-    ]
+    """Return the object that `heatrun fleet --json` prints."""
+    rows = read_columns(result.machines_path, COLUMNS)
+    done = [row for row in rows if row["status"] == FITTED]
     values: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     units: dict[str, str] = {}
-    for row in rows:
-        if row["status"] == FITTED:
-            units |= dict(zip(row["parameters"], row["parameter_units"], strict=True))
-            for name, value in zip(row["parameters"], row["parameter_values"], strict=True):
-                values[row["type"]][name].append(value)
-    types = {
-        type: {name: _spread(each, units[name]) for name, each in parameters.items()}
-        for type, parameters in values.items()
-    }
+    for row in done:
+        units |= dict(zip(row["parameters"], row["parameter_units"], strict=True))
+        for name, value in zip(row["parameters"], row["parameter_values"], strict=True):
+            values[row["type"]][name].append(value)
     return {
-        "format": said["format"],
-        "fleet": said["fleet"],
-        "model": said["model"],
-        "machines": said["machines"],
-        "not_converged": [row["machine"] for row in rows
-                          if row["status"] == FITTED and not row["is_converged"]],
-        "apart": apart,
-        "types": types,
+        **{key: result.manifest[key] for key in ("format", "fleet", "model", "machines")},
+        "not_converged": [row["machine"] for row in done if not row["is_converged"]],
+        "apart": [
+            {**{key: row[key] for key in ("machine", "status", "result")},
+             "findings": json.loads(row["findings"])}
+            for row in rows if row["status"] != FITTED
+        ],
+        "types": {
+            type: {name: _spread(each, units[name]) for name, each in parameters.items()}
+            for type, parameters in values.items()
+        },
         "run": str(result.path),
     }  # fmt: skip
 
 
 def summary_text(found: dict[str, Any]) -> str:
-    """Return a summary as plain text for the terminal.
-
-    Args:
-        found: From `summary`.
-    """
-    machines = found["machines"]
+    """Return what `summary` gives as plain text for the terminal."""
+    machines, apart = found["machines"], found["apart"]
     lines = [
         f"{found['fleet']}: {machines.get(FITTED, 0)} of {machines['all']} machines fitted "
         f"(network: {found['model']})."
     ]
-    if found["not_converged"]:
-        lines.append(f"Not converged: {', '.join(found['not_converged'][:MOST_NAMED])}"
-                     f"{_more(found['not_converged'])}.")  # fmt: skip
-    for each in found["apart"][:MOST_NAMED]:
+    if names := found["not_converged"]:
+        more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+        lines.append(f"Not converged: {', '.join(names[:MOST_NAMED])}{more}.")
+    for each in apart[:MOST_NAMED]:
         errors = [f for f in each["findings"] if f["severity"] == "error"]
         why = errors[0] if errors else {"message": each["result"], "where": "", "id": "failed"}
         head = f"{why['where']}: " if why["where"] else ""
         lines.append(
             f"{each['status']:<8} {each['machine']}: {head}{why['message']}  ({why['id']})"
         )
-    if len(found["apart"]) > MOST_NAMED:
-        lines.append(f"         and {len(found['apart']) - MOST_NAMED} more, all in the file.")
+    if len(apart) > MOST_NAMED:
+        lines.append(f"         and {len(apart) - MOST_NAMED} more, all in the file.")
     for type, parameters in found["types"].items():
         lines.append(f"\n{'Type ' + type if type else 'All machines'}: median, and 90 % of the "
                      "machines between")  # fmt: skip
@@ -424,7 +363,3 @@ def _spread(values: list[float], unit: str) -> dict[str, Any]:
     low, middle, high = np.quantile(values, [0.05, 0.5, 0.95])
     return {"median": float(middle), "interval_90": [float(low), float(high)], "unit": unit,
             "num_machines": len(values)}  # fmt: skip
-
-
-def _more(names: list[str]) -> str:
-    return f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""

@@ -7,7 +7,6 @@ A machine goes from its files to a problem that can be fitted, or to the finding
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -17,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from heatrun.calibration import (
-    BenchTest,
     Refused,
     load_tests,
     refuse_unplaced_bodies,
@@ -40,10 +38,10 @@ from heatrun.record.motor import Motor
 from heatrun.record.record import Finding
 from heatrun.runtime import configure
 
-from .batch.fit import NotBatched, fit_batch, key_of, why_not
+from .batch.fit import TOO_FEW, NotBatched, fit_batch
 from .entries import Entry
 from .fleet_file import Batch, digest_or_none, files_by_role, numerics, resolved
-from .rows import FAILED, REFUSED, Row, effect_columns, file_row, fitted, part_bytes, unfitted
+from .rows import FAILED, REFUSED, Row, effect_columns, fitted, part_bytes, unfitted
 from .shared_effects.pooled import evidence_of
 
 NUM_DRAWS = 400
@@ -78,91 +76,55 @@ class Prepared:
 def prepare(entry: Entry, batch: Batch) -> Prepared | Row:
     """Read and check the tests of a machine.
 
-    Args:
-        entry: The machine.
-        batch: What it belongs to.
-
     Returns:
         What can be fitted, or the row of a machine that is refused.
 
     Raises:
         ChangedInputError: If a file is another than when the batch was made.
     """
-    inputs = tuple(
-        file_row(path, role, batch.digests[path])
-        for role, path in files_by_role(entry, batch.folder)
-    )
-    name = batch.network.name
+    inputs, name = _inputs(entry, batch), batch.network.name
     if entry.is_refused:
         return unfitted(entry, name, REFUSED, entry.findings, inputs)
     try:
         return _prepared(entry, batch, inputs)
-    except ChangedInputError:
+    except (ChangedInputError, MemoryError):
         raise
-    except Refused as refusal:
-        _refuse_changed_files(entry, batch)
-        found = [*entry.findings, *refusal.findings]
-    except InputError as error:
-        _refuse_changed_files(entry, batch)
-        gone = [each["path"] for each in inputs if not each["sha256"]]
-        found = [*entry.findings, _of_error(error, "missing_file" if gone else "input_error")]
-    except MemoryError:
-        raise
-    except Exception as error:  # a fault of heatrun: the other machines are worked out all the same
-        found = [*entry.findings, _of_fault(error)]
-        return unfitted(entry, name, FAILED, _placed(found, batch.folder), inputs)
-    return unfitted(entry, name, REFUSED, _placed(found, batch.folder), inputs)
+    except Exception as error:  # the other machines are worked out all the same
+        gone = not all(each["sha256"] for each in inputs)
+        status, found = _said(error, "missing_file" if gone else "input_error")
+    if status == REFUSED:  # what a file held meanwhile is no reason
+        for _, path in files_by_role(entry, batch.folder):
+            now = digest_or_none(Path(batch.folder) / path)
+            _refuse_changed(now, batch.digests[path], path)
+    return unfitted(entry, name, status, _placed([*entry.findings, *found], batch.folder), inputs)
 
 
 def row_of(prepared: Prepared, found: Fit | Exception, batch: Batch) -> Row:
-    """Return the row of a machine after its fit.
-
-    Args:
-        prepared: From `prepare`.
-        found: The fit, or what it raised.
-        batch: What the machine belongs to.
-    """
-    entry, name = prepared.entry, batch.network.name
+    """Return the row of a machine after its fit, or after what that raised."""
+    entry = prepared.entry
     if isinstance(found, Fit):
         try:
             holdout = [_predicted(found, *each, batch.seed) for each in prepared.holdout]
             own = replace(found, findings=_placed(found.findings, batch.folder))
             row = fitted(entry, own, prepared.findings, prepared.inputs,
                          duration_s=prepared.duration_s, holdout=holdout)  # fmt: skip
-            is_sound = found.result is not RESULT.no_start
-            if batch.discovers and is_sound:
+            if batch.discovers and found.result is not RESULT.no_start:
                 row |= effect_columns(evidence_of(found))
             return row
         except MemoryError:
             raise
         except Exception as error:
             found = error
-    is_input = isinstance(found, InputError)
-    said = _of_error(found, "input_error") if is_input else _of_fault(found)
-    findings = [*prepared.findings, *_placed([said], batch.folder)]
-    status = REFUSED if is_input else FAILED
-    return unfitted(entry, name, status, findings, prepared.inputs)
+    status, said = _said(found)
+    findings = [*prepared.findings, *_placed(said, batch.folder)]
+    return unfitted(entry, batch.network.name, status, findings, prepared.inputs)
 
 
-def lost(entry: Entry, batch: Batch, deaths: int) -> Row:
-    """Return the row of a machine on which worker processes died.
-
-    Args:
-        entry: The machine.
-        batch: What it belongs to.
-        deaths: How many did.
-    """
-    finding = Finding(
-        "worker_lost",
-        "error",
-        f"the worker process ended {deaths} times while it worked on this machine alone, most "
-        "likely for lack of memory.",
-        remedy="Give fewer workers (--workers 1) or more memory (--memory), or shorter records; "
-        "the same command tries this machine again.",
+def _inputs(entry: Entry, batch: Batch) -> tuple[Row, ...]:
+    return tuple(
+        {"path": path, "role": role, "sha256": batch.digests[path]}
+        for role, path in files_by_role(entry, batch.folder)
     )
-    inputs = [file_row(path, role, batch.digests[path])
-              for role, path in files_by_role(entry, batch.folder)]  # fmt: skip
-    return unfitted(entry, batch.network.name, FAILED, [*entry.findings, finding], inputs)
 
 
 def _prepared(entry: Entry, batch: Batch, inputs: tuple[Row, ...]) -> Prepared:
@@ -188,8 +150,8 @@ def _prepared(entry: Entry, batch: Batch, inputs: tuple[Row, ...]) -> Prepared:
     return Prepared(
         entry=entry,
         problem=problem,
-        duration_s=float(sum(t.record.duration_s for t in _of(tests, "calibration"))),
-        holdout=tuple((t.record.name, t.blocks) for t in _of(tests, "holdout")),
+        duration_s=float(sum(t.record.duration_s for t in tests if t.role == "calibration")),
+        holdout=tuple((t.record.name, t.blocks) for t in tests if t.role == "holdout"),
         findings=(*entry.findings, *_placed(findings, batch.folder)),
         inputs=inputs,
     )
@@ -201,12 +163,6 @@ def _motor(path: str, sha256: str) -> Motor:
     return load_motor(path)
 
 
-def _refuse_changed_files(entry: Entry, batch: Batch) -> None:
-    """Refuse a file that has changed, before a machine is refused for what it held meanwhile."""
-    for _, path in files_by_role(entry, batch.folder):
-        _refuse_changed(digest_or_none(Path(batch.folder) / path), batch.digests[path], path)
-
-
 def _refuse_changed(now: str, planned: str, path: str) -> None:
     if now != planned:
         raise ChangedInputError(
@@ -214,10 +170,6 @@ def _refuse_changed(now: str, planned: str, path: str) -> None:
             where=path,
             remedy="Wait until it is whole; the same command goes on from what was finished.",
         )
-
-
-def _of(tests: Sequence[BenchTest], role: str) -> list[BenchTest]:
-    return [test for test in tests if test.role == role]
 
 
 def _predicted(fit: Fit, name: str, blocks: Blocks, seed: int) -> tuple[str, float, float]:
@@ -232,17 +184,19 @@ def _predicted(fit: Fit, name: str, blocks: Blocks, seed: int) -> tuple[str, flo
     return name, predicted.rmse_K, predicted.coverage_95()
 
 
-def _of_error(error: InputError, id: str) -> Finding:
-    return Finding(id, "error", error.problem, error.where, error.remedy)
-
-
-def _of_fault(error: Exception) -> Finding:
-    return Finding(
+def _said(error: Exception, id: str = "input_error") -> tuple[str, Sequence[Finding]]:
+    """Return the state of a machine after an error, and what is to be said of it."""
+    if isinstance(error, Refused):
+        return REFUSED, error.findings
+    if isinstance(error, InputError):
+        return REFUSED, [Finding(id, "error", error.problem, error.where, error.remedy)]
+    finding = Finding(
         "internal_error",
         "error",
         f"the machine could not be worked out ({type(error).__name__}: {str(error)[:300]}).",
         remedy="Calibrate it by itself with `heatrun calibrate` and report what that says.",
     )
+    return FAILED, [finding]
 
 
 def _placed(findings: Sequence[Finding], folder: str) -> tuple[Finding, ...]:
@@ -261,8 +215,6 @@ def _placed(findings: Sequence[Finding], folder: str) -> tuple[Finding, ...]:
 FEWEST = 16
 """Machines of one kind in a batch from which on they are fitted together: half the width of a
 compiled program, which takes as long to compile as ten machines to fit."""
-
-TOO_FEW = "too few machines of its kind in the batch"
 
 
 class Fitted(NamedTuple):
@@ -294,41 +246,26 @@ def fit_machines(problems: Sequence[Problem], seed: int, num_planned: int) -> Fi
         InputError: If compiled sums are wrong here, which is no fault of a machine's.
     """
     refuse_wrong_sums()
-    alone = _alone(problems, num_planned)
-    together = [place for place in range(len(problems)) if place not in alone]
-    found: dict[int, Fit] = {}
-    try:
-        batch = fit_batch([problems[place] for place in together], seed=seed)
-    except MemoryError:
-        raise  # of the process, not of a machine
-    except Exception as error:  # of one machine, which its own fit will tell
-        alone |= dict.fromkeys(together, f"{type(error).__name__}: {error}"[:300])
-    else:
-        for place, result in zip(together, batch, strict=True):
-            if isinstance(result, NotBatched):
-                alone[place] = result.reason
-            else:
-                found[place] = result
-    fits = [_one(problem, found.get(place), seed) for place, problem in enumerate(problems)]
-    return Fitted(fits, alone)
+    batch: list[Fit | NotBatched] = [NotBatched(TOO_FEW)] * len(problems)
+    if num_planned >= FEWEST:
+        try:
+            batch = fit_batch(problems, seed=seed, fewest=FEWEST if len(problems) > 1 else 1)
+        except MemoryError:
+            raise  # of the process, not of a machine
+        except Exception as error:  # of one machine, which its own fit will tell
+            reason = NotBatched(f"{type(error).__name__}: {error}"[:300])
+            batch = [reason] * len(problems)
+    return Fitted(
+        [_one(problem, found, seed) for problem, found in zip(problems, batch, strict=True)],
+        {place: each.reason for place, each in enumerate(batch) if isinstance(each, NotBatched)},
+    )
 
 
-def _alone(problems: Sequence[Problem], num_planned: int) -> dict[int, str]:
-    """Return the problems that are not fitted together with others, and why."""
-    if num_planned < FEWEST:
-        return dict.fromkeys(range(len(problems)), TOO_FEW)
-    alone = {place: reason for place, each in enumerate(problems) if (reason := why_not(each))}
-    if len(problems) > 1:
-        keys = {place: key_of(p) for place, p in enumerate(problems) if place not in alone}
-        count = Counter(keys.values())
-        alone |= {place: TOO_FEW for place, key in keys.items() if count[key] < FEWEST}
-    return alone
-
-
-def _one(problem: Problem, found: Fit | None, seed: int) -> Fit | Exception:
+def _one(problem: Problem, found: Fit | NotBatched, seed: int) -> Fit | Exception:
     """Return the fit of one, or that of the batch, that follows its tests."""
     try:
-        return holding_heat(found or fit(problem, seed=seed, throw=False), seed=seed)
+        own = fit(problem, seed=seed, throw=False) if isinstance(found, NotBatched) else found
+        return holding_heat(own, seed=seed)
     except MemoryError:
         raise
     except Exception as error:  # whatever one machine raises, the others are fitted
@@ -355,10 +292,7 @@ class Done:
 
 
 def work_out(batch: Batch) -> Done:
-    """Return the rows of a batch.
-
-    Args:
-        batch: The machines; their files are read from its folder.
+    """Return the rows of a batch; the files of its machines are read from its folder.
 
     Raises:
         InputError: If versions or settings are others here than where the batch was made.
@@ -376,20 +310,16 @@ def work_out(batch: Batch) -> Done:
             return Done(batch.name, b"", {}, changed=str(error))
         reading.append(time.process_time() - start)
     start = time.process_time()
-    places = [i for i, each in enumerate(readied) if isinstance(each, Prepared)]
-    problems = [each.problem for each in readied if isinstance(each, Prepared)]
-    found = fit_machines(problems, batch.seed, batch.num_planned)
-    fits = dict(zip(places, found.fits, strict=True))
-    rows = [row_of(each, fits[i], batch) if isinstance(each, Prepared) else each
-            for i, each in enumerate(readied)]  # fmt: skip
-    fitting = time.process_time() - start
+    ready = [each for each in readied if isinstance(each, Prepared)]
+    found = fit_machines([each.problem for each in ready], batch.seed, batch.num_planned)
+    fits = iter(found.fits)
+    rows = [row_of(each, next(fits), batch) if isinstance(each, Prepared) else each
+            for each in readied]  # fmt: skip
     timing = {
         "machines": [entry.machine for entry in batch.entries],
         "reading_processor_s": [round(each, 3) for each in reading],
-        "fitting_processor_s": round(fitting, 3),
-        "fitted_alone": {
-            batch.entries[places[place]].machine: why for place, why in found.alone.items()
-        },
+        "fitting_processor_s": round(time.process_time() - start, 3),
+        "fitted_alone": {ready[place].entry.machine: why for place, why in found.alone.items()},
         "processor_s": round(time.process_time() - begun_processor, 3),
         "wall_s": round(time.monotonic() - begun, 3),
     }
@@ -397,15 +327,20 @@ def work_out(batch: Batch) -> Done:
 
 
 def given_up(batch: Batch, deaths: int) -> Done:
-    """Return the row of the one machine of a batch on which workers died.
-
-    Args:
-        batch: With one machine.
-        deaths: How many died.
-    """
+    """Return the row of the one machine of a batch on which so many worker processes died."""
     (entry,) = batch.entries
+    finding = Finding(
+        "worker_lost",
+        "error",
+        f"the worker process ended {deaths} times while it worked on this machine alone, most "
+        "likely for lack of memory.",
+        remedy="Give fewer workers (--workers 1) or more memory (--memory), or shorter records; "
+        "the same command tries this machine again.",
+    )
+    row = unfitted(entry, batch.network.name, FAILED, [*entry.findings, finding],
+                   _inputs(entry, batch))  # fmt: skip
     timing = {"machines": [entry.machine], "deaths": deaths}
-    return Done(batch.name, part_bytes([lost(entry, batch, deaths)]), timing, (entry.machine,))
+    return Done(batch.name, part_bytes([row]), timing, (entry.machine,))
 
 
 def _refuse_other_numerics(batch: Batch) -> None:

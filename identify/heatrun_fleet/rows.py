@@ -26,12 +26,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from heatrun.errors import InputError
 from heatrun.fit.fit_result import RESULT, Fit
 from heatrun.io.whole_files import write_whole
 from heatrun.model.noise import noise_parameters
+from heatrun.model.parameters import Parameter
 from heatrun.record.record import Finding
 from heatrun.results.values import to_json, to_plain
 
@@ -43,6 +43,8 @@ LIST = "list of number"
 
 Column = tuple[str, str, str, str]
 """Name, kind, unit and meaning."""
+
+Row = dict[str, Any]
 
 
 def arrow() -> Any:
@@ -62,11 +64,8 @@ def arrow() -> Any:
 
 
 def arrow_schema(columns: Sequence[Column], table_format: str) -> Any:
-    """Return the Arrow schema of rows; units and meanings stand in the fields' metadata.
-
-    Args:
-        columns: In order.
-        table_format: Name and version, written into the metadata of the schema.
+    """Return the Arrow schema of rows; units and meanings stand in the fields' metadata, name and
+    version of the table in the schema's.
 
     Raises:
         InputError: If pyarrow is not installed.
@@ -90,6 +89,11 @@ def arrow_schema(columns: Sequence[Column], table_format: str) -> Any:
     return pa.schema(fields, metadata={"format": table_format})
 
 
+def empty_row(columns: Sequence[Column]) -> Row:
+    """Return a row that says nothing: empty lists, and no value in any other column."""
+    return {name: [] if kind.startswith("list") else None for name, kind, _, _ in columns}
+
+
 OF_EFFECTS: tuple[Column, ...] = (
     ("effect_parameters", "list of text", "", "with --discover: free parameters that effects are "
      "told from, tests by number in brackets"),
@@ -106,50 +110,30 @@ OF_EFFECTS: tuple[Column, ...] = (
 
 
 def effect_columns(evidence: Evidence) -> dict[str, Any]:
-    """Return the columns of a machine's row.
-
-    Args:
-        evidence: On effects.
-    """
+    """Return the columns of `OF_EFFECTS` in a machine's row."""
     return {
         "effect_parameters": list(evidence.parameters),
         "effects": list(evidence.effects),
         "effect_scale": evidence.scale.tolist(),
         "effect_score": evidence.score.tolist(),
-        "effect_information": packed(evidence.information),
+        "effect_information": evidence.information[np.triu_indices(evidence.score.size)].tolist(),
         "effect_visible_K": evidence.visible_K.tolist(),
     }
 
 
-def evidence_in(row: Mapping[str, Any]) -> Evidence | None:
-    """Return the evidence on effects that a row holds, None where it holds none.
-
-    Args:
-        row: Of a machine, with the columns of `OF_EFFECTS`.
-    """
-    if not row["effects"]:
-        return None
+def evidence_in(row: Mapping[str, Any]) -> Evidence:
+    """Return the evidence on effects that a row with the columns of `OF_EFFECTS` holds."""
     score = np.asarray(row["effect_score"], dtype=float)
+    half = np.zeros((score.size, score.size))
+    half[np.triu_indices(score.size)] = row["effect_information"]
     return Evidence(
         parameters=tuple(row["effect_parameters"]),
         effects=tuple(row["effects"]),
         scale=np.asarray(row["effect_scale"], dtype=float),
         score=score,
-        information=unpacked(row["effect_information"], score.size),
+        information=half + np.triu(half, 1).T,
         visible_K=np.asarray(row["effect_visible_K"], dtype=float),
     )
-
-
-def packed(matrix: Float[np.ndarray, "all all"]) -> list[float]:
-    """Return the upper triangle of a symmetric matrix, row by row."""
-    return matrix[np.triu_indices(matrix.shape[0])].tolist()
-
-
-def unpacked(numbers: Any, size: int) -> Float[np.ndarray, "all all"]:
-    """Return the symmetric matrix of an upper triangle; the inverse of `packed`."""
-    matrix = np.zeros((size, size))
-    matrix[np.triu_indices(size)] = numbers
-    return matrix + np.triu(matrix, 1).T
 
 
 FORMAT = "heatrun-fleet-rows/3"
@@ -159,8 +143,6 @@ THERMAL = ("network", "effect", "known")
 
 FITTED, REFUSED, FAILED = "fitted", "refused", "failed"
 """States of a machine: fitted; its rows, files or records do not allow it; the fit led nowhere."""
-
-Row = dict[str, Any]
 
 COLUMNS: tuple[Column, ...] = (
     ("machine", "text", "", "name of the machine, unique in the fleet"),
@@ -220,18 +202,11 @@ def schema() -> Any:
 def unfitted(
     entry: Entry, model: str, status: str, findings: Sequence[Finding], inputs: Sequence[Row]
 ) -> Row:
-    """Return the row of a machine without a fit.
-
-    Args:
-        entry: The machine.
-        model: Name of the network.
-        status: `REFUSED` or `FAILED`.
-        findings: Why, and what else was found.
-        inputs: Its files.
+    """Return the row of a machine without a fit, with its findings and files, and the network's
+    name; the status is `REFUSED` or `FAILED`.
     """
-    empty = {name: [] if kind.startswith("list") else None for name, kind, _, _ in COLUMNS}
     return {
-        **empty,
+        **empty_row(COLUMNS),
         "machine": entry.machine,
         "type": entry.type,
         "covariates": list(entry.covariates),
@@ -271,7 +246,7 @@ def fitted(
         return {**row, "findings": findings_text(every), "result": fit.result.value}
     places = [i for i, slot in enumerate(fit.slots) if slot.parameter.role in THERMAL]
     others = [i for i in range(len(fit.slots)) if i not in places]
-    values = fit.values()
+    kinds = [fit.slots[i].parameter for i in places]
     noise = noise_parameters(fit.problem.model.adequacy)
     num = len(fit.slots)
     return {
@@ -279,11 +254,13 @@ def fitted(
         "findings": findings_text(every),
         "is_converged": fit.result is RESULT.converged,
         "result": fit.result.value,
-        **_parameters(fit, places, values),
-        "others": [fit.slots[i].name for i in others],
-        "other_units": [fit.slots[i].parameter.unit for i in others],
-        "other_values": [values[fit.slots[i].name] for i in others],
-        "other_sd": [_sd(fit, i, values) for i in others],
+        **_values(fit, places, "parameters", "parameter"),
+        "transforms": [each.transform for each in kinds],
+        "log_mean": _means(kinds, fit.z[places]),
+        "log_covariance": _covariance(kinds, fit.covariance[np.ix_(places, places)]),
+        "prior_mean": _means(kinds, np.zeros(len(kinds))),
+        "prior_sd": [each.sd for each in kinds],
+        **_values(fit, others, "others", "other"),
         "noise": [each.name for each in noise],
         "noise_units": [each.unit for each in noise],
         "noise_values": [float(p.value(z)) for p, z in zip(noise, fit.noise_z, strict=True)],
@@ -303,23 +280,25 @@ def fitted(
     }
 
 
-def _parameters(fit: Fit, places: Sequence[int], values: dict[str, float]) -> Row:
+def _values(fit: Fit, places: Sequence[int], names: str, prefix: str) -> Row:
+    """Return names, units, values and standard deviations of some of the free parameters."""
     slots = [fit.slots[i] for i in places]
-    kinds = [slot.parameter for slot in slots]
+    fitted = fit.values()
+    values = [fitted[slot.name] for slot in slots]
+    sds = [slot.parameter.sd * float(np.sqrt(fit.covariance[i, i]))
+           for i, slot in zip(places, slots, strict=True)]  # fmt: skip
     return {
-        "parameters": [slot.name for slot in slots],
-        "parameter_units": [each.unit for each in kinds],
-        "transforms": [each.transform for each in kinds],
-        "parameter_values": [values[slot.name] for slot in slots],
-        "parameter_sd": [_sd(fit, i, values) for i in places],
-        "log_mean": _means(kinds, fit.z[list(places)]),
-        "log_covariance": _covariance(kinds, fit.covariance[np.ix_(places, places)]),
-        "prior_mean": _means(kinds, np.zeros(len(kinds))),
-        "prior_sd": [each.sd for each in kinds],
+        names: [slot.name for slot in slots],
+        f"{prefix}_units": [slot.parameter.unit for slot in slots],
+        f"{prefix}_values": values,
+        f"{prefix}_sd": [
+            sd * abs(value) if slot.parameter.transform == "log" else sd
+            for slot, value, sd in zip(slots, values, sds, strict=True)
+        ],
     }
 
 
-def _means(kinds: Sequence[Any], z: np.ndarray) -> list[float]:
+def _means(kinds: Sequence[Parameter], z: np.ndarray) -> list[float]:
     """Return scores in the space of the transforms: logarithms, or values."""
     return [
         float((np.log(each.centre) if each.transform == "log" else each.centre) + each.sd * score)
@@ -327,46 +306,28 @@ def _means(kinds: Sequence[Any], z: np.ndarray) -> list[float]:
     ]
 
 
-def _covariance(kinds: Sequence[Any], of_scores: np.ndarray) -> list[float]:
+def _covariance(kinds: Sequence[Parameter], of_scores: np.ndarray) -> list[float]:
     scale = np.array([each.sd for each in kinds])
     whole = of_scores * scale[:, None] * scale
     return (0.5 * (whole + whole.T)).ravel().tolist()
 
 
-def _sd(fit: Fit, place: int, values: dict[str, float]) -> float:
-    slot = fit.slots[place]
-    sd = slot.parameter.sd * float(np.sqrt(fit.covariance[place, place]))
-    return sd * abs(values[slot.name]) if slot.parameter.transform == "log" else sd
-
-
 def findings_text(findings: Sequence[Finding]) -> str:
     """Return findings as JSON text, those that were made twice once."""
-    every = [
-        {"id": f.id, "severity": f.severity, "message": f.message, "where": f.where,
-         "remedy": f.remedy, "test": f.test}
-        for f in findings
-    ]  # fmt: skip
+    keys = ("id", "severity", "message", "where", "remedy", "test")
+    every = [{key: getattr(finding, key) for key in keys} for finding in findings]
     return json.dumps(to_plain([f for i, f in enumerate(every) if f not in every[:i]]),
                       ensure_ascii=False)  # fmt: skip
 
 
-def file_row(path: str, role: str, sha256: str) -> Row:
-    """Return an entry of `inputs`; arguments as `COLUMNS` says."""
-    return {"path": path, "role": role, "sha256": sha256}
-
-
-FOLDER = "parts"
+FOLDER, LOST = "parts", ".lost.parquet"
 ROW_GROUP = 512
 """Rows of a group of the joined file; it does not depend on the size of the batches."""
 
 
 @dataclass(frozen=True)
 class Parts:
-    """The folder of the parts.
-
-    Attributes:
-        folder: Where they lie.
-    """
+    """The folder of the parts."""
 
     folder: Path
 
@@ -376,7 +337,7 @@ class Parts:
 
     def lost_path(self, name: str) -> Path:
         """Return where the part of a batch is in which a machine was lost."""
-        return self.folder / f"{name}.lost.parquet"
+        return self.folder / f"{name}{LOST}"
 
     def timing_path(self, name: str) -> Path:
         """Return where the times of a batch stand."""
@@ -407,10 +368,10 @@ class Parts:
 
     def sweep(self, names: Iterable[str]) -> None:
         """Remove the parts of other batches than these, and pieces of killed processes."""
-        kept = {p.name for n in names for p in (self.path(n), self.lost_path(n),
-                                               self.timing_path(n))}  # fmt: skip
+        ways = (self.path, self.lost_path, self.timing_path)
+        kept = {way(name) for name in names for way in ways}
         for path in list(self.folder.iterdir()):
-            if path.name not in kept and path.is_file():
+            if path not in kept and path.is_file():
                 path.unlink()
 
 
@@ -445,12 +406,7 @@ def read_part(source: Path | bytes) -> Any:
 
 
 def join(paths: Iterable[Path], target: Path) -> None:
-    """Write the rows of parts, in order, into one file; memory holds two groups at most.
-
-    Args:
-        paths: The parts.
-        target: The file, written in place.
-    """
+    """Write the rows of parts, in order, into one file; memory holds two groups at most."""
     pa = arrow()
     waiting: list[Any] = []
     num = 0
@@ -465,6 +421,14 @@ def join(paths: Iterable[Path], target: Path) -> None:
                 waiting, num = [whole.slice(ROW_GROUP)], num - ROW_GROUP
         if num:
             writer.write_table(pa.concat_tables(waiting).combine_chunks(), row_group_size=ROW_GROUP)
+
+
+def read_columns(path: Path, columns: Sequence[str]) -> list[Row]:
+    """Return some columns of the rows in a file."""
+    from pyarrow.parquet import ParquetFile
+
+    with ParquetFile(path) as file:
+        return file.read(columns=list(columns)).to_pylist()
 
 
 def _writer(target: Any) -> Any:

@@ -13,7 +13,7 @@ from heatrun.fit.fit import delays, fit
 from heatrun.fit.restricted import polished_noise
 from heatrun.model.problem import Problem, whitened
 from heatrun.record.motor import ParameterOverride
-from heatrun_fleet.batch.fit import NotBatched, bucket, fit_batch, fits, key_of, pack
+from heatrun_fleet.batch.fit import NotBatched, bucket, fit_batch, key_of, pack
 from heatrun_fleet.batch.residuals import residuals_of_group, solve, sweep
 from heatrun_fleet.batch.search import search
 
@@ -43,6 +43,14 @@ def assert_same(found, alone):
     assert found.result is alone.result
     for name in ("rmse_white_K", "low_frequency_excess", "num_starts"):
         assert found.stats[name] == pytest.approx(alone.stats[name], rel=SAME), name
+
+
+def assert_as_alone(problems):
+    """The batch's fits are those of each machine alone; returned."""
+    found = fit_batch(problems, width=4)
+    for of_batch, problem in zip(found, problems, strict=True):
+        assert_same(of_batch, fit(problem))
+    return found
 
 
 @eqx.filter_jit
@@ -163,18 +171,14 @@ def test_load_steps_at_unknown_moments_are_those_of_one_machine(slow):
     columns = np.stack([0.4 * np.exp(-0.2 * (blocks - at)) * (blocks >= at) for at in (12, 40)], 1)
     known = replace(duty, load_columns=columns, measured=duty.measured + columns @ [1.5, -0.8])
     uneasy = replace(first, tests=(known, stairs))
-    found = fit_batch([uneasy, second], width=4)
-    for of_batch, problem in zip(found, (uneasy, second), strict=True):
-        assert_same(of_batch, fit(problem))
+    found = assert_as_alone([uneasy, second])
     plain = fit(replace(first, tests=(replace(known, load_columns=None), stairs)))
     assert found[0].log_evidence > plain.log_evidence + 2.0
 
 
 @pytest.mark.slow
 def test_a_batch_fits_as_one_does(short):
-    found = fit_batch(short, width=4)
-    for of_batch, problem in zip(found, short, strict=True):
-        assert_same(of_batch, fit(problem))
+    assert_as_alone(short)
 
 
 @pytest.mark.slow
@@ -212,22 +216,6 @@ def test_a_machine_with_garbage_does_not_touch_its_neighbours(short):
     assert isinstance(with_it[0], NotBatched)
     np.testing.assert_array_equal(with_it[1].z, without[0].z)
     np.testing.assert_array_equal(with_it[1].covariance, without[0].covariance)
-
-
-@pytest.mark.slow
-def test_fits_come_as_their_batches_are_full(short):
-    taken = []
-
-    def problems():
-        for place in range(5):
-            taken.append(place)
-            yield place, short[1]
-
-    stream = fits(problems(), width=4)
-    first = next(stream)[0]
-    assert first == 0
-    assert taken == [0, 1, 2, 3]  # the fifth is not read before it is needed
-    assert [place for place, _ in stream] == [1, 2, 3, 4]
 
 
 @pytest.mark.slow
@@ -269,8 +257,7 @@ def test_two_tests_of_unlike_length_in_a_batch(generator, network):
         machine(generator, 10 + seed, [generator.duty(first), generator.staircase(second)], network)
         for seed, (first, second) in enumerate([(3600.0, 2400.0), (3300.0, 2300.0)])
     ]
-    for found, problem in zip(fit_batch(problems, width=4), problems, strict=True):
-        assert_same(found, fit(problem))
+    assert_as_alone(problems)
 
 
 @pytest.mark.slow
@@ -282,5 +269,4 @@ def test_a_map_of_losses_and_fixed_parameters(generator):
         )
         for seed in range(2)
     ]  # fmt: skip
-    for found, problem in zip(fit_batch(problems, width=4), problems, strict=True):
-        assert_same(found, fit(problem))
+    assert_as_alone(problems)

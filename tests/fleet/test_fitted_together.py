@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from simulated_fleet import calibrated, planned, write_fleet
 
-from heatrun_fleet import machine as fitting
-from heatrun_fleet.machine import FEWEST, TOO_FEW, Prepared, fit_machines, prepare, work_out
+from heatrun_fleet.batch import fit as batch_fit
+from heatrun_fleet.batch.fit import TOO_FEW
+from heatrun_fleet.machine import FEWEST, Prepared, fit_machines, prepare, work_out
 from heatrun_fleet.rows import read_part, table_bytes
 
 NUM = FEWEST + 2
@@ -65,7 +66,7 @@ def test_what_one_machine_raises_does_not_touch_the_others(bench, monkeypatch):
     assert isinstance(ready, Prepared)
     problem = ready.problem
     spoilt = replace(problem, tests=())
-    monkeypatch.setattr(fitting, "why_not", lambda problem: "")
+    monkeypatch.setattr(batch_fit, "why_not", lambda problem: "")
     found = fit_machines([problem, spoilt], 0, NUM)
     assert isinstance(found.fits[1], Exception)
     assert not isinstance(found.fits[0], Exception)

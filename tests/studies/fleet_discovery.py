@@ -29,8 +29,8 @@ from heatrun.record.reduction import reduce
 from heatrun.results import to_plain
 from heatrun.runtime import configure
 from heatrun_fleet.batch.fit import fit_batch
-from heatrun_fleet.shared_effects.job import discover_type
 from heatrun_fleet.shared_effects.pooled import Evidence, evidence_of
+from heatrun_fleet.shared_effects.search import discover_type
 
 COMMAND = "make study-fleet-discovery"
 FIRST_SEED = 130_000
@@ -78,14 +78,14 @@ def run(case: Row, cache: Path | None = None) -> Row:
         bench = {case["name"]: OFF[case["name"]] * (-1.0) ** case["number"]}
     kept = cache / f"{case['seed']}.pickle" if cache is not None else None
     if kept is not None and kept.is_file():
-        machines, evidence = pickle.loads(kept.read_bytes())  # by this study, a moment ago
+        evidence = pickle.loads(kept.read_bytes())  # by this study, a moment ago
     else:
         drawn = hidden_fleet.fleet(case["num"], case["seed"], hidden, amplitude, bench)
-        machines, evidence = evidence_of_fleet(drawn.tests)
+        evidence = evidence_of_fleet(drawn.tests)
         if kept is not None:
             kept.parent.mkdir(parents=True, exist_ok=True)
-            kept.write_bytes(pickle.dumps((machines, evidence)))
-    found = discover_type("A", machines, evidence, THERMAL, seed=case["seed"])
+            kept.write_bytes(pickle.dumps(evidence))
+    found = discover_type("A", evidence, THERMAL, seed=case["seed"])
     top = max(found.screened, key=lambda each: each.statistic)
     return {
         **{key: case[key] for key in ("kind", "name", "num", "seed")},
@@ -101,22 +101,19 @@ def run(case: Row, cache: Path | None = None) -> Row:
     }
 
 
-def evidence_of_fleet(
-    tests: Sequence[Sequence[dict[str, np.ndarray]]],
-) -> tuple[list[str], list[Evidence]]:
-    """Return names and evidence of the machines whose fit converged."""
+def evidence_of_fleet(tests: Sequence[Sequence[dict[str, np.ndarray]]]) -> list[Evidence]:
+    """Return the evidence of the machines whose fit converged."""
     problems = []
     for own in tests:
         reduced = [reduce(Record(f"test {i}", columns), MOTOR) for i, columns in enumerate(own)]
         model = Model.of("second", MOTOR).scaled(MOTOR, reduced)
         problems.append(Problem.of(model, MOTOR, reduced))
-    names, evidence = [], []
+    evidence = []
     for number, found in enumerate(fit_batch(problems, seed=0)):
         one = found if isinstance(found, Fit) else fit(problems[number], seed=0, throw=False)
         if one.result is RESULT.converged:
-            names.append(f"M{number:03d}")
             evidence.append(evidence_of(one))
-    return names, evidence
+    return evidence
 
 
 def is_named(row: Row) -> bool:

@@ -135,12 +135,11 @@ def _two_stages(folder: Path, seed: int) -> Population:
     """Return the population as `heatrun.population` draws it."""
     rows = read_fleet(folder)
     (type,) = rows.types
-    design = designed(gathered_of_fleet(rows, type), [COVARIATE], str(folder))
-    if design.gathered.left_out:
-        raise SystemExit(f"left out: {design.gathered.left_out}")
-    gathered = design.gathered
+    gathered = designed(gathered_of_fleet(rows, type), [COVARIATE], str(folder))
+    if gathered.left_out:
+        raise SystemExit(f"left out: {gathered.left_out}")
     return sample_population(
-        gathered.evidence(), default_hyperprior(gathered), design.matrix(), seed=seed
+        gathered.evidence(), default_hyperprior(gathered), gathered.matrix(), seed=seed
     )
 
 

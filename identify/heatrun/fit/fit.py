@@ -31,6 +31,7 @@ from ..model.problem import NUM_NOISE, Data, Problem, Structure, whitened
 from ..record.record import Finding
 from .fit_result import RESULT, Fit, failed
 from .restricted import (
+    Spread,
     estimate_loggers,
     estimate_noise,
     polished_noise,
@@ -345,15 +346,36 @@ def finished(
         is_converged: Whether noise and parameters have settled.
         stats: As `Fit.stats`.
     """
-    white = whiten_fit(problem, noise_z, residual, jacobian)
-    excess, is_flagged = low_frequency_excess(white.residuals, _lengths(problem))
+    white = whiten_fit(problem, noise_z, residual, jacobian).residuals
+    width = spread(problem, z, noise_z, residual, jacobian)
+    return described(problem, z, noise_z, residual, jacobian, modes, white, width,
+                     is_converged=is_converged, stats=stats)  # fmt: skip
+
+
+def described(
+    problem: Problem,
+    z: Float[np.ndarray, " parameter"],
+    noise_z: Float[np.ndarray, " noise"],
+    residual: Float[np.ndarray, " block"],
+    jacobian: Float[np.ndarray, "block parameter"],
+    modes: Float[np.ndarray, "mode parameter"],
+    white: Sequence[Float[np.ndarray, " reading"]],
+    width: Spread,
+    *,
+    is_converged: bool,
+    stats: Mapping[str, float],
+) -> Fit:
+    """Return a fit of which all is known, with what is to be said of it; as `finished`.
+
+    Its whitened residuals are those of each sensor of each test.
+    """
+    excess, is_flagged = low_frequency_excess(white, _lengths(problem))
     rmse = problem.rmse_K(residual)
     findings = misfit_findings(problem, noise_z, rmse, excess, is_flagged)
     if not is_converged:
         findings.append(not_converged(problem))
     if len(modes) > 1:
         findings.append(several_optima(problem, len(modes)))
-    width = spread(problem, z, noise_z, residual, jacobian)
     return Fit(
         problem=problem,
         z=z,

@@ -258,7 +258,7 @@ def spread(fit: Fit, weighted: Weighted, num: int, rng: np.random.Generator) -> 
         (resample and move); C. J. F. ter Braak, A Markov chain Monte Carlo version of the genetic
         algorithm differential evolution, Statistics and Computing 16 (2006) 239-249.
     """
-    picked = _systematic(weighted.weights, num, rng)
+    picked = systematic(weighted.weights, num, rng)
     rng.shuffle(picked)  # copies stand in a row, and would all be in one half
     vectors, density = weighted.vectors[picked], weighted.log_density[picked]
     halves = np.array_split(np.arange(num), 2)
@@ -282,9 +282,9 @@ def _steps(
     return GAMMA / np.sqrt(2.0 * size) * (others[first] - others[second]) + jitter
 
 
-def _systematic(
+def systematic(
     weights: Float[np.ndarray, " draw"], num: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return positions: each stands as often as its weight says, rounded up or down."""
+    """Return positions by weights that add up to 1: each as often as its weight says, rounded."""
     levels = (np.arange(num) + rng.uniform()) / num
     return np.minimum(np.searchsorted(np.cumsum(weights), levels), weights.size - 1)

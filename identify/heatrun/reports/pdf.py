@@ -151,7 +151,7 @@ def lay_out(
 
 
 BREAKS_EVERY = 15
-"""Letters of a long word after which it may break in the narrow cells of page 1."""
+"""Letters of a long word after which it may break in a narrow cell."""
 
 TEMPLATE = TEMPLATES / "sheet.typ"
 
@@ -199,14 +199,14 @@ def aspect_on_page_1(content: Mapping[str, Any]) -> float:
 
 def _texts(content: Mapping[str, Any]) -> dict[str, Any]:
     return {
-        **content, "certificate": _breakable(content["certificate"]), "too_flat": TOO_FLAT
+        **content, "certificate": breakable(content["certificate"]), "too_flat": TOO_FLAT
     }  # fmt: skip
 
 
-def _breakable(value: Any) -> Any:
+def breakable(value: Any) -> Any:
     """Return texts whose long words may break, at any depth of lists and objects."""
     if isinstance(value, str):
         return with_breaks(value, BREAKS_EVERY)
     if isinstance(value, Mapping):
-        return {key: _breakable(item) for key, item in value.items()}
-    return [_breakable(item) for item in value] if isinstance(value, list) else value
+        return {key: breakable(item) for key, item in value.items()}
+    return [breakable(item) for item in value] if isinstance(value, list) else value

@@ -9,7 +9,8 @@ back as `NotBatched`, for the fit of one.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -25,12 +26,12 @@ from heatrun.fit.fit import (
     ROUGH_K,
     SAME_OPTIMUM,
     SETTLED,
+    described,
+    distinct,
     implied_level,
-    low_frequency_excess,
-    misfit_findings,
     start_scores,
 )
-from heatrun.fit.fit_result import RESULT, Fit
+from heatrun.fit.fit_result import Fit
 from heatrun.fit.restricted import laplace
 from heatrun.io.programs import compiled, refuse_wrong_sums
 from heatrun.model.discrepancy import num_knots
@@ -56,11 +57,7 @@ CHANNELS = ("second_sink", "shaft_power", "speed")
 
 
 class NotBatched(NamedTuple):
-    """Why a machine was left to the full job.
-
-    Attributes:
-        reason: In a few words.
-    """
+    """Why a machine was left to the full job, in a few words."""
 
     reason: str
 
@@ -182,6 +179,7 @@ def _pack_group(
         return jnp.asarray(np.array(values, dtype=float))
 
     channels = {name: of_steps(name) if name in key.channels else None for name in CHANNELS}
+    most_moments = max(test.moments.shape[1] for test in tests)
     fixed = {
         name: numbers([
             p.parameters.by_test[index][name].fixed or 0.0 for index in indices for p in problems
@@ -201,7 +199,9 @@ def _pack_group(
         is_observed=lanes([test.is_observed for test in tests]),
         count=lanes([np.asarray(test.count, dtype=float) for test in tests]),
         known_variance=lanes([test.known_variance for test in tests]),
-        moments=lanes(_moments(tests)),
+        moments=lanes([
+            np.pad(m, ((0, 0), (0, most_moments - m.shape[1]))) for m in (t.moments for t in tests)
+        ]),
         block_s=numbers([test.block_s for test in tests]),
         num_blocks=numbers([test.num_blocks for test in tests]),
         num_knots=numbers([num_knots(test.duration_s) for test in tests]),
@@ -212,12 +212,6 @@ def _pack_group(
         fixed=fixed,
         **channels,
     )  # fmt: skip
-
-
-def _moments(tests: Sequence[Blocks]) -> list[np.ndarray]:
-    """Return `Blocks.moments` of tests, with as many columns for each; 0 where there is none."""
-    most = max(test.moments.shape[1] for test in tests)
-    return [np.pad(m, ((0, 0), (0, most - m.shape[1]))) for m in (t.moments for t in tests)]
 
 
 @compiled()
@@ -241,170 +235,134 @@ WIDTH = 32
 """Machines in a batch: their numbers in a step of the march fill the processor's first caches. A
 device with thousands of lanes wants thousands."""
 
+TOO_FEW = "too few machines of its kind in the batch"
+
 Found = Fit | NotBatched
 
 
-class _Level(NamedTuple):
-    """The white level [K] that the residuals of a machine ask to be searched with."""
-
-    level: float
-
-
-class _Job(NamedTuple):
-    """A machine that waits for its batch.
-
-    Attributes:
-        place: Its place among the problems.
-        problem: Model and tests.
-        level: White level of the search from many starts [K].
-    """
-
-    place: int
-    problem: Problem
-    level: float
-
-
 def fit_batch(
-    problems: Sequence[Problem],
-    *,
-    num_starts: int = NUM_STARTS,
-    seed: int = 0,
-    width: int = WIDTH,
+    problems: Sequence[Problem], *, seed: int = 0, width: int = WIDTH, fewest: int = 1
 ) -> list[Found]:
     """Fit a model to the tests of each of many machines.
 
     Args:
         problems: Model and tests of each machine; as many as there is memory for.
-        num_starts: As `heatrun.fit.fit.fit`.
-        seed: Likewise.
-        width: Machines in a batch.
+        seed: As `heatrun.fit.fit.fit`.
+        width: Machines in a compiled program.
+        fewest: Machines of one kind from which on they are fitted together.
 
     Returns:
         In the order of the problems, the fit that `fit` returns for each, or why it was left to
         that.
-    """
-    found: list[Found | None] = [None] * len(problems)
-    for place, result in fits(enumerate(problems), num_starts=num_starts, seed=seed, width=width):
-        found[place] = result
-    assert all(result is not None for result in found)
-    return [result for result in found if result is not None]
 
-
-def fits(
-    problems: Iterable[tuple[int, Problem]],
-    *,
-    num_starts: int = NUM_STARTS,
-    seed: int = 0,
-    width: int = WIDTH,
-) -> Iterator[tuple[int, Found]]:
-    """Yield fits as their batches are done, with their places; arguments as `fit_batch`.
-
-    Problems are taken one at a time, and none is held beyond its batch; what is held is at most a
-    batch that is not yet full for each kind of problem.
+    Raises:
+        InputError: If compiled sums are wrong here.
     """
     refuse_wrong_sums()
-    waiting: dict[tuple[Key, bool], list[_Job]] = {}
-
-    def done(kind: tuple[Key, bool]) -> Iterator[tuple[int, Found]]:
-        jobs = waiting.pop(kind)
-        for job, result in zip(
-            jobs, _fit_jobs(kind[0], jobs, num_starts, seed, width), strict=True
-        ):
-            if isinstance(result, _Level):
-                again = kind[0], True
-                waiting.setdefault(again, []).append(job._replace(level=result.level))
-                if len(waiting[again]) == width:
-                    yield from done(again)
-            else:
-                yield job.place, result
-
-    for place, problem in problems:
+    found: dict[int, Found] = {}
+    kinds: dict[Key, list[int]] = defaultdict(list)
+    for place, problem in enumerate(problems):
         if reason := why_not(problem):
-            yield place, NotBatched(reason)
+            found[place] = NotBatched(reason)
+        else:
+            kinds[key_of(problem)].append(place)
+    for key, places in kinds.items():
+        if len(places) < fewest:
+            found |= dict.fromkeys(places, NotBatched(TOO_FEW))
             continue
-        kind = key_of(problem), False
-        waiting.setdefault(kind, []).append(_Job(place, problem, ROUGH_K))
-        if len(waiting[kind]) == width:
-            yield from done(kind)
-    while waiting:
-        yield from done(next(iter(waiting)))
+        levels = dict.fromkeys(places, ROUGH_K)
+        while levels:
+            again = {}
+            for first in range(0, len(levels), width):
+                part = dict(list(levels.items())[first : first + width])
+                own = [problems[place] for place in part]
+                for place, fit in zip(part, _fits(key, own, [*part.values()], seed, width),
+                                      strict=True):  # fmt: skip
+                    if isinstance(fit, Fit | NotBatched):
+                        found[place] = fit
+                    else:
+                        again[place] = fit
+            levels = again
+    return [found[place] for place in range(len(problems))]
 
 
-def _fit_jobs(
-    key: Key, jobs: Sequence[_Job], num_starts: int, seed: int, width: int
-) -> list[Found | _Level]:
-    """Return the fit of each machine of a batch, or the white level [K] that it asks for."""
-    filled = [*jobs, *[jobs[-1]] * (width - len(jobs))]
-    machines = pack(key, [job.problem for job in filled])
-    levels = jnp.asarray([job.level for job in filled])
+def _fits(
+    key: Key, problems: Sequence[Problem], levels: Sequence[float], seed: int, width: int
+) -> list[Found | float]:
+    """Return the fit of each machine of a batch, or the white level [K] that its residuals ask to
+    be searched with in place of its level.
+    """
+    num = len(problems)
+    is_wanted = np.arange(width) < num
+    padding = width - num
+    machines = pack(key, [*problems, *[problems[-1]] * padding])
     nothing = jnp.zeros(width)
-    white = Noise(nothing, nothing + 1.0, levels, nothing)
-    starts = start_scores(jobs[0].problem, num_starts, seed)
-    is_wanted = np.arange(width) < len(jobs)
-    optima = optima_from_starts(key.structure, machines, starts, white, is_wanted)
+    level = jnp.asarray([*levels, *[levels[-1]] * padding])
+    starts = start_scores(problems[0], NUM_STARTS, seed)
+    optima = optima_from_starts(
+        key.structure, machines, starts, Noise(nothing, nothing + 1.0, level, nothing), is_wanted
+    )
     z = np.zeros((starts.shape[1], width))
     for lane, own in enumerate(optima):
         if own is not None:
             z[:, lane] = own.z[0]
-    z[:, ~is_wanted] = z[:, len(jobs) - 1, None]
+    z[:, ~is_wanted] = z[:, num - 1, None]
 
     by_group = linearise(key.structure, machines, jnp.asarray(z))
-    rough = _rows(key, jobs, [means.residual for means in by_group])
-    rmse_white = [job.problem.rmse_K(rows) for job, rows in zip(jobs, rough, strict=True)]
-    results: dict[int, Found | _Level] = {}
-    for lane, (job, own) in enumerate(zip(jobs, optima, strict=False)):
+    rough = _rows(key, problems, [means.residual for means in by_group])
+    results: dict[int, Found | float] = {}
+    for lane, (problem, own) in enumerate(zip(problems, optima, strict=False)):
         if own is None:
             results[lane] = NotBatched("no start led to a finite fit")
         elif not own.has_ended[0]:
             results[lane] = NotBatched("the search did not converge")
-        elif job.level == ROUGH_K and (level := implied_level(job.problem, rough[lane])) >= ROUGH_K:
-            results[lane] = _Level(1.5 * level)
-    if len(results) == len(jobs):
-        return [results[lane] for lane in range(len(jobs))]
+        elif levels[lane] == ROUGH_K and (k := implied_level(problem, rough[lane])) >= ROUGH_K:
+            results[lane] = 1.5 * k
+    if len(results) == num:
+        return [results[lane] for lane in range(num)]
 
-    state = settle(key.structure, machines, jnp.asarray(z))
-    said = final(key.structure, machines, state)
-    rivals = _rivals(key, machines, state, optima, [lane not in results for lane in range(width)])
-    at = on_host(state)
-    host = _OfMachines.of(key, jobs, at, on_host(said))
-    for lane, job in enumerate(jobs):
-        if lane in results:
+    settled = settle(key.structure, machines, jnp.asarray(z))
+    state: Any = on_host(settled)  # from here on of NumPy arrays
+    said: Any = on_host(final(key.structure, machines, settled))
+    open_ones = {
+        lane: own for lane, own in enumerate(optima) if own is not None and lane not in results
+    }
+    rivals = _rivals(key, machines, settled, open_ones)
+    residual = _rows(key, problems, [means.residual for means in said.means])
+    jacobian = _rows(key, problems, [means.jacobian for means in said.means])
+    heat = _rows(key, problems, state.heat)
+    white = _rows(key, problems, said.innovations)
+    for lane, own in open_ones.items():
+        problem = problems[lane]
+        if reason := rivals.get(lane) or _doubt(problem, state, said, lane):
+            results[lane] = NotBatched(reason)
             continue
-        reason = rivals.get(lane) or _doubt(at, host.said, lane) or _late(job.problem, at.z, lane)
-        own = optima[lane]
-        assert own is not None
-        results[lane] = (
-            NotBatched(reason)
-            if reason
-            else host.fit(job.problem, lane, own, num_starts, rmse_white[lane])
-        )
-    return [results[lane] for lane in range(len(jobs))]
+        problem = replace(problem, heat=tuple(problem.split(heat[lane])), loggers={})
+        results[lane] = _finished(
+            problem, state, said, lane, own, residual[lane], jacobian[lane], white[lane],
+            problem.rmse_K(rough[lane]),
+        )  # fmt: skip
+    return [results[lane] for lane in range(num)]
 
 
-def _rows(key: Key, jobs: Sequence[_Job], by_group: Sequence[jax.Array]) -> list[np.ndarray]:
+def _rows(key: Key, problems: Sequence[Problem], by_group: Sequence[jax.Array]) -> list[np.ndarray]:
     """Return the rows of all tests in a row, of each machine."""
-    parts: dict[tuple[int, int], np.ndarray] = {}
+    parts: list[dict[int, np.ndarray]] = [{} for _ in problems]
     for (_, _, tests), rows in zip(key.groups, by_group, strict=True):
-        own = np.moveaxis(np.asarray(rows), -1, 0)
-        width = own.shape[0] // len(tests)
-        for place, test in enumerate(tests):
-            for lane, job in enumerate(jobs):
-                num = job.problem.tests[test].num_blocks
-                parts[lane, test] = own[place * width + lane, :num]
-    num_tests = sum(len(tests) for _, _, tests in key.groups)
-    return [
-        np.concatenate([parts[lane, test] for test in range(num_tests)])
-        for lane in range(len(jobs))
-    ]
+        of_tests = np.split(np.moveaxis(np.asarray(rows), -1, 0), len(tests))
+        for test, own in zip(tests, of_tests, strict=True):
+            for lane, problem in enumerate(problems):
+                parts[lane][test] = own[lane, : problem.tests[test].num_blocks]
+    return [np.concatenate([own[test] for test in sorted(own)]) for own in parts]
 
 
-def _doubt(state: Any, said: Any, lane: int) -> str:
+def _doubt(problem: Problem, state: Any, said: Any, lane: int) -> str:
     """Return why the batch's fit of a machine is not to be trusted; empty where it is."""
     numbers = (
         state.z[:, lane], state.noise_z[:, lane], said.restricted.value[lane],
         said.restricted.covariance[..., lane], said.noise_precision[..., lane],
     )  # fmt: skip
-    if not all(np.all(np.isfinite(np.asarray(each))) for each in numbers):
+    if not all(np.all(np.isfinite(each)) for each in numbers):
         return "the fit is not finite"
     if said.stiffness[lane] > STABLE:
         return "the fastest node is too fast for the steps"
@@ -414,45 +372,32 @@ def _doubt(state: Any, said: Any, lane: int) -> str:
         return "two noises are equally probable"
     if state.shift[lane] >= SETTLED:
         return "noise and parameters did not settle"
-    return ""
-
-
-def _late(problem: Problem, z: np.ndarray, lane: int) -> str:
-    """Return why a reading is too late for the march; empty where it is not."""
-    for place, slot in enumerate(problem.parameters.slots):
+    step = min(float(np.min(test.inputs.step)) for test in problem.tests)
+    for score, slot in zip(state.z[:, lane], problem.parameters.slots, strict=True):
         if slot.parameter.name == "load_timing":
-            late_s = abs(float(slot.parameter.value(z[place, lane])))
-            step = min(float(np.min(test.inputs.step)) for test in problem.tests)
+            late_s = abs(float(slot.parameter.value(score)))
             if late_s > step:
                 return f"a reading is {late_s:.2g} s late, its steps are of {step:.2g} s"
     return ""
 
 
 def _rivals(
-    key: Key,
-    machines: Machines,
-    state: Settled,
-    optima: Sequence[Optima | None],
-    is_open: Sequence[bool],
+    key: Key, machines: Machines, state: Settled, optima: Mapping[int, Optima]
 ) -> dict[int, str]:
     """Return the machines for which another optimum is as good under the final noise, and why."""
     z, cost = np.asarray(state.z), np.asarray(state.cost)
     places, starts = [], []
-    for lane, own in enumerate(optima):
-        if own is None or not is_open[lane]:
-            continue
-        kept = [z[:, lane]]
-        for other in own.z:
-            if all(np.max(np.abs(other - each)) > DISTINCT for each in kept):
-                kept.append(other)
-                places.append(lane)
-                starts.append(other)
+    for lane, own in optima.items():
+        others = distinct([z[:, lane], *own.z])[1:]
+        places += [lane] * len(others)
+        starts += others
     if not places:
         return {}
     begin = on_host(begun(jnp.asarray(np.stack(starts, axis=-1))))
-    lanes = np.array(places)
     noise = from_scores(state.noise_z)
-    found, stands_for = continued(key.structure, machines, begin, lanes, noise, state.heat)
+    found, stands_for = continued(
+        key.structure, machines, begin, np.array(places), noise, state.heat
+    )
     reasons = {}
     for index, lane in enumerate(places):
         if stands_for[index] != index:
@@ -466,62 +411,29 @@ def _rivals(
     return reasons
 
 
-class _OfMachines(NamedTuple):
-    """What was found of the machines of a batch, on the host."""
-
-    state: Any  # `Settled` and `Final`, of NumPy arrays
-    said: Any
-    residual: list[np.ndarray]
-    jacobian: list[np.ndarray]
-    heat: list[np.ndarray]
-    innovations: list[np.ndarray]
-
-    @classmethod
-    def of(cls, key: Key, jobs: Sequence[_Job], state: Any, said: Any) -> _OfMachines:
-        """Return it."""
-        residual = _rows(key, jobs, [means.residual for means in said.means])
-        jacobian = _rows(key, jobs, [means.jacobian for means in said.means])
-        heat = _rows(key, jobs, state.heat)
-        return cls(state, said, residual, jacobian, heat, _rows(key, jobs, said.innovations))
-
-    def fit(
-        self, problem: Problem, lane: int, optima: Optima, num_starts: int, rmse_white: float
-    ) -> Fit:
-        """Return the fit of one machine."""
-        z, noise_z = (np.array(each[:, lane]) for each in (self.state.z, self.state.noise_z))
-        found = self.said.restricted
-        num_read = int(np.sum(problem.is_observed))
-        spread = laplace(
-            z, noise_z, np.asarray(found.covariance[..., lane]),
-            np.asarray(self.said.noise_precision[..., lane]),
-            float(found.squares[lane]), float(found.half_log_det[lane]), num_read,
-        )  # fmt: skip
-        white = [
-            rows[test.is_observed]
-            for rows, test in zip(problem.split(self.innovations[lane]), problem.tests, strict=True)
-        ]
-        lengths = [test.block_s for test in problem.tests]
-        excess, is_flagged = low_frequency_excess(white, lengths)
-        problem = replace(problem, heat=tuple(problem.split(self.heat[lane])), loggers={})
-        rmse = problem.rmse_K(self.residual[lane])
-        is_same = optima.cost - optima.cost[0] < SAME_OPTIMUM * max(1.0, 1e-3 * optima.cost[0])
-        return Fit(
-            problem=problem,
-            z=z,
-            noise_z=noise_z,
-            covariance=spread.covariance,
-            covariance_type_a=spread.type_a,
-            residual=problem.split(self.residual[lane]),
-            jacobian=problem.split(self.jacobian[lane]),
-            log_evidence=spread.log_evidence,
-            result=RESULT.converged,
-            modes=z[None],
-            findings=tuple(misfit_findings(problem, noise_z, rmse, excess, is_flagged)),
-            stats={
-                "num_starts": num_starts,
-                "num_at_best": int(np.sum(optima.num_starts[is_same])),
-                "num_steps": optima.num_steps,
-                "rmse_white_K": rmse_white,
-                "low_frequency_excess": excess,
-            },
-        )
+def _finished(
+    problem: Problem, state: Any, said: Any, lane: int, optima: Optima, residual: np.ndarray,
+    jacobian: np.ndarray, innovations: np.ndarray, rmse_white_K: float,
+) -> Fit:  # fmt: skip
+    """Return the fit of one machine of a batch, with its own unmodelled heat in the problem."""
+    z, noise_z = (np.array(each[:, lane]) for each in (state.z, state.noise_z))
+    found = said.restricted
+    width = laplace(
+        z, noise_z, found.covariance[..., lane], said.noise_precision[..., lane],
+        float(found.squares[lane]), float(found.half_log_det[lane]),
+        int(np.sum(problem.is_observed)),
+    )  # fmt: skip
+    white = [
+        rows[test.is_observed]
+        for rows, test in zip(problem.split(innovations), problem.tests, strict=True)
+    ]
+    is_same = optima.cost - optima.cost[0] < SAME_OPTIMUM * max(1.0, 1e-3 * optima.cost[0])
+    return described(
+        problem, z, noise_z, residual, jacobian, z[None], white, width, is_converged=True,
+        stats={
+            "num_starts": NUM_STARTS,
+            "num_at_best": int(np.sum(optima.num_starts[is_same])),
+            "num_steps": optima.num_steps,
+            "rmse_white_K": rmse_white_K,
+        },
+    )  # fmt: skip

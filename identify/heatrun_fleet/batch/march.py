@@ -36,29 +36,18 @@ Lane = Float[Array, " lane"]
 class Group(eqx.Module):
     """Tests of one padded shape, of each machine; a lane for each test of each machine.
 
+    Inputs are as `lptn.Inputs`, None where the network has no use for one; readings as `Blocks` and
+    `Observation` have them.
+
     Attributes:
         tests: Indices of the tests; the lanes of the first come first.
-        step: Length of a step [s], shape (lane,).
-        current_squared: As `lptn.Inputs`, shape (block, step, lane).
-        losses: Likewise.
-        ambient: Likewise.
-        second_sink: Likewise, None where the network has no use for it.
-        shaft_power: Likewise.
-        speed: Likewise.
-        weight: As `Blocks.weight`, shape (block, step, lane); 0 in padding.
-        position: As `Blocks.position`, likewise.
-        sensed_ambient: Mean of the sink at the samples of each block [degC], shape (block, lane).
-        measured: Mean reading of each block [degC], shape (block, lane).
-        is_observed: Which blocks hold a reading, shape (block, lane).
-        count: Readings of each block [1], shape (block, lane).
-        known_variance: As `Observation.known_variance`, shape (block, lane).
-        moments: As `Observation.moments`, shape (block, moment, lane).
-        block_s: Length of a block [s], shape (lane,).
-        num_blocks: Blocks without the padding [1], shape (lane,).
-        num_knots: Knots of the unmodelled heat [1], shape (lane,).
-        mean_losses: Mean of the loss channel [W], shape (lane,).
-        mean_current_squared: Mean of the squared current [A^2], shape (lane,).
-        fixed: Fixed values by name, shape (lane,) each.
+        step: Length of a step [s]; that of a block is `block_s` [s].
+        weight: As `Blocks.weight`; 0 in padding.
+        sensed_ambient: Mean of the sink at the samples of each block [degC].
+        num_blocks: Blocks without the padding [1].
+        num_knots: Knots of the unmodelled heat [1].
+        mean_losses: Mean of the loss channel [W]; that of the squared current stands below [A^2].
+        fixed: Fixed values by name.
     """
 
     tests: tuple[int, ...] = eqx.field(static=True)
@@ -94,13 +83,7 @@ class Group(eqx.Module):
 
 
 class Machines(eqx.Module):
-    """The numbers of as many problems of one structure as there are machines.
-
-    Attributes:
-        centre: Centres of the priors [their units], shape (parameter, machine).
-        sd: Their standard deviations, shape (parameter, machine).
-        groups: The tests.
-    """
+    """The numbers of many problems of one structure: centres and widths of priors, and tests."""
 
     centre: Float[Array, "parameter machine"]
     sd: Float[Array, "parameter machine"]
@@ -202,7 +185,7 @@ class Moving(NamedTuple):
         names: The quantities.
         first: The state at the start.
         advance: Returns the state a step later, for a state and the inputs of the step.
-        inputs: Of all steps, shape (block, step, lane) each.
+        inputs: Of all steps.
         read: Returns the measured node's temperature above the copper's zero of resistance [K], and
             its derivative by each quantity.
     """
@@ -215,13 +198,9 @@ class Moving(NamedTuple):
 
 
 def moving(model: Model, rows: Group, quantities: Values, free: list[str]) -> Moving:
-    """Return the march through tests.
+    """Return the march of a bare network through tests.
 
-    Args:
-        model: A bare network.
-        rows: The tests.
-        quantities: What the parameters act through, by name, for each lane.
-        free: Names of those that derivatives are wanted by.
+    The parameters act through the quantities; derivatives are wanted by those that are free.
     """
     step = rows.step
     terms = _terms(model, quantities, step)
@@ -277,14 +256,7 @@ def moving(model: Model, rows: Group, quantities: Values, free: list[str]) -> Mo
 def march(
     model: Model, rows: Group, quantities: Values, free: list[str]
 ) -> tuple[Float[Array, "block lane"], dict[str, Float[Array, "block lane"]]]:
-    """Return block means of the measured node [degC] and their derivatives by quantity.
-
-    Args:
-        model: As `moving`.
-        rows: Likewise.
-        quantities: Likewise.
-        free: Likewise.
-    """
+    """Return block means of the measured node [degC] and their derivatives by quantity."""
     march = moving(model, rows, quantities, free)
 
     def advance(before, x):
@@ -353,32 +325,8 @@ SIDE_S = 1e-9
 """Puts no shift on the side from which `lptn.effects.TimeShift` has its slope [s]."""
 
 
-class LateMeans(NamedTuple):
-    """Block means of what is read late.
-
-    Attributes:
-        temperature: Of the measured node [degC], shape (block, lane).
-        rise: Its rise above the sink, as the channel has it [K], likewise.
-        slopes: Derivatives of the temperature by quantity, likewise.
-        temperature_by_time: Derivative of the temperature by the time [K/s], likewise.
-        rise_by_time: Of the rise, likewise.
-    """
-
-    temperature: Float[Array, "block lane"]
-    rise: Float[Array, "block lane"]
-    slopes: dict[str, Float[Array, "block lane"]]
-    temperature_by_time: Float[Array, "block lane"]
-    rise_by_time: Float[Array, "block lane"]
-
-
 class _Shift(NamedTuple):
-    """How much of its neighbours an edge takes on.
-
-    Attributes:
-        back: Of the one before [1].
-        ahead: Of the one after [1].
-        step: Length of a step [s].
-    """
+    """How much of its neighbours an edge takes on [1], and the length of a step [s]."""
 
     back: Lane
     ahead: Lane
@@ -401,19 +349,14 @@ class _Shift(NamedTuple):
 
 def late_means(
     model: Model, rows: Group, quantities: Values, free: list[str], late_s: Lane
-) -> LateMeans:
-    """Return the block means of tests whose readings are late.
+) -> tuple[Array, dict[str, Array], Array, Array, Array]:
+    """Return block means of tests whose readings are late and their derivatives by quantity, as
+    `march`, those of the sink [degC], and the derivatives of both by the time [K/s].
 
     A logger of the load that is too slow to tell when a step came moves the whole reading by a time
     of its own in each test, straight between the edges of the steps. Here it moves by a step at
-    most: then a shifted edge needs its two neighbours alone, and the march is still made once.
-
-    Args:
-        model: As `moving`.
-        rows: Likewise.
-        quantities: Likewise.
-        free: Likewise.
-        late_s: How late [s]; longer than a step of the march, the straight line is prolonged.
+    most: then a shifted edge needs its two neighbours alone, and the march is still made once. If
+    it is later than a step of the march, the straight line is prolonged.
     """
     march = moving(model, rows, quantities, free)
     shift = _Shift.of(late_s, rows.step)
@@ -451,13 +394,8 @@ def late_means(
     temperature, *slopes, by_time = found
     sink, sink_by_time = _sink(rows, shift)
     temperature = temperature - model.coefficient * jnp.sum(rows.weight, axis=1)
-    return LateMeans(
-        temperature,
-        temperature - sink,
-        dict(zip(march.names, slopes, strict=True)),
-        by_time,
-        by_time - sink_by_time,
-    )
+    of_names = dict(zip(march.names, slopes, strict=True))
+    return temperature, of_names, sink, by_time, sink_by_time
 
 
 def _sink(rows: Group, shift: _Shift) -> tuple[Array, Array]:

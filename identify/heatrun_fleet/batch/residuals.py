@@ -34,23 +34,15 @@ OF_READING = ("sensor_gain", "sensor_offset", "load_timing")
 
 
 class Means(NamedTuple):
-    """Residuals of a group of tests and their derivatives.
-
-    Attributes:
-        residual: Measured minus modelled block means [K], shape (block, lane).
-        jacobian: Their derivative [K per score], shape (block, parameter, lane).
-    """
+    """Measured minus modelled block means of a group of tests [K]; their derivative per score."""
 
     residual: Float[Array, "block lane"]
     jacobian: Float[Array, "block parameter lane"]
 
 
 class Free(NamedTuple):
-    """A free parameter as the tests of a group see it.
-
-    Attributes:
-        positions: Its place in the scores, for each test.
-        per_score: Derivative of its value by the score, shape (lane,).
+    """A free parameter: its place in the scores for each test, and its value's derivative by the
+    score.
     """
 
     positions: tuple[int, ...]
@@ -87,12 +79,8 @@ def residuals_of_group(
 ) -> Means:
     """Return the residuals of a group of tests, and their Jacobian.
 
-    Args:
-        structure: What is compiled: a bare network, read by one sensor.
-        machines: The numbers.
-        z: Scores.
-        group: The tests.
-        worst: What a residual counts that is larger or not finite [K].
+    The structure is a bare network, read by one sensor; `worst` is what a residual counts that is
+    larger or not finite [K].
     """
     values, slots = values_of_group(structure, machines, z, group)
     losses = structure.model.losses(values)
@@ -107,13 +95,13 @@ def residuals_of_group(
     seen = jnp.sum(group.weight, axis=1)
     late: dict[str, Array] = {}
     if "load_timing" in values:
-        means = late_means(structure.model, group, quantities, free, values["load_timing"])
-        mean, slopes = means.temperature, means.slopes
-        rise = means.rise - values["ambient_offset"] * seen
-        late["load_timing"] = means.temperature_by_time + gain * means.rise_by_time
+        mean, slopes, sink, by_time, sink_by_time = late_means(
+            structure.model, group, quantities, free, values["load_timing"]
+        )
+        late["load_timing"] = by_time + gain * (by_time - sink_by_time)
     else:
-        mean, slopes = march(structure.model, group, quantities, free)
-        rise = mean - group.sensed_ambient - values["ambient_offset"] * seen
+        (mean, slopes), sink = march(structure.model, group, quantities, free), group.sensed_ambient
+    rise = mean - sink - values["ambient_offset"] * seen
     reading = mean + gain * rise + offset * seen
 
     by_name: dict[str, Array] = {"sensor_gain": rise, "sensor_offset": seen} | late
@@ -151,14 +139,8 @@ def sweep(
     """Sweep a symmetric matrix on its first pivots, whose block A is positive definite.
 
     With A the swept block, B the one beside it and C the rest: minus the inverse of A stands where
-    A was, inv(A) B where B was, and C - B' inv(A) B where C was.
-
-    Args:
-        matrix: Symmetric matrices.
-        num: Number of pivots.
-
-    Returns:
-        The swept matrices, and half the log determinant of A.
+    A was, inv(A) B where B was, and C - B' inv(A) B where C was; half the log determinant of A
+    comes with it.
 
     Reference: J. H. Goodnight, A tutorial on the SWEEP operator, The American Statistician 33
         (1979) 149-158.
@@ -201,13 +183,7 @@ def identity(size: int, num_lanes: int) -> Float[Array, "row row lane"]:
 def filtered(
     columns: Float[Array, "block column lane"], noise: Noise, group: Group
 ) -> tuple[Float[Array, "lane block column"], Float[Array, " lane"]]:
-    """Return columns whitened by the noise without heat, and half the log determinant.
-
-    Args:
-        columns: Of a group of tests.
-        noise: Noise of each lane, shape (lane,) each.
-        group: The tests.
-    """
+    """Return columns whitened by the noise of each lane, and half its log determinant."""
     sensor = SensorRows(
         is_observed=group.is_observed,
         count=group.count,
@@ -243,10 +219,8 @@ def scaled_heat(
 def without_columns(
     gram: Float[Array, "column column lane"], num: int
 ) -> tuple[Float[Array, "column column lane"], Float[Array, " lane"]]:
-    """Sweep the first columns, a standard normal for each of them, out of inner products.
-
-    Returns:
-        All that `sweep` leaves, and half the log determinant.
+    """Sweep the first columns, a standard normal for each of them, out of inner products; as
+    `sweep`.
     """
     ones = (jnp.arange(gram.shape[0]) < num).astype(float)
     return sweep(gram + jnp.diag(ones)[:, :, None], num)
@@ -372,7 +346,7 @@ def _exponential(matrix: Float[Array, "row row lane"]) -> Float[Array, "row row 
         return jnp.einsum("ijw,jkw->ikw", a, b)
 
     small = matrix / 2.0**NUM_HALVINGS
-    unit = jnp.broadcast_to(jnp.eye(matrix.shape[0])[:, :, None], matrix.shape)
+    unit = identity(matrix.shape[0], matrix.shape[-1])
     total = unit
     for order in range(ORDER, 0, -1):
         total = unit + product(small, total) / order

@@ -42,12 +42,8 @@ NUM_FILTER = 3
 
 
 class Linear(NamedTuple):
-    """The linear model around a fit: what the noise is estimated on.
-
-    Attributes:
-        z: Scores, shape (parameter, lane).
-        means: Residuals and Jacobian of each group of tests there.
-        heat: What unmodelled heat does to each group of tests.
+    """The linear model around a fit, on which the noise is estimated: scores, residuals and
+    Jacobian of each group of tests there, and what unmodelled heat does to each.
     """
 
     z: Float[Array, "parameter lane"]
@@ -60,10 +56,10 @@ class Restricted(NamedTuple):
 
     Attributes:
         value: Minus its logarithm, prior included, up to a constant [nat].
-        slope: Its derivative by the scores of the noise, shape (noise, lane).
+        slope: Its derivative by the scores of the noise.
         squares: Squared whitened residuals, heat integrated out [1].
         half_log_det: Half the log determinant of the covariance of noise and heat.
-        covariance: Of the parameters, shape (parameter, parameter, lane).
+        covariance: Of the parameters.
     """
 
     value: Float[Array, " lane"]
@@ -144,12 +140,8 @@ def _contraction(
     num: int,
 ) -> Float[Array, "column column lane"]:
     """Return C of a test: heat and moments of load steps first, then the residual and the
-    parameters, as its columns are.
-
-    Args:
-        swept: Inner products, heat and moments swept out.
-        outer: C of the residual and the parameters.
-        num: Number of columns of the heat and of the moments.
+    parameters, as its columns are. The first `num` columns of the inner products are swept out;
+    `outer` is C of the others.
     """
     own, beside = -swept[:num, :num], swept[:num, num:]
     crossed = -jnp.einsum("hiw,ijw->hjw", beside, outer)
@@ -159,16 +151,8 @@ def _contraction(
 
 
 class NoiseSearch(NamedTuple):
-    """Where searches of the noise stand.
-
-    Attributes:
-        noise_z: Scores of the noise, shape (noise, lane).
-        value: Minus the log likelihood there [nat].
-        slope: Its derivative, shape (noise, lane).
-        curvature: What is known of the second derivative, shape (noise, noise, lane).
-        radius: Longest step [prior standard deviations].
-        has_ended: Whether a search has converged.
-        num_steps: Steps taken.
+    """Where searches of the noise stand: minus the log likelihood there [nat], its slope, what is
+    known of the second derivative, and the longest step [prior standard deviations].
     """
 
     noise_z: Float[Array, "noise lane"]
@@ -208,13 +192,8 @@ def _limits() -> tuple[Float[Array, "noise 1"], Float[Array, "noise 1"]]:
 def search_noise(
     machines: Machines, linear: Linear, state: NoiseSearch, most: Int[Array, ""]
 ) -> NoiseSearch:
-    """Go on with a search for the noise of each machine: quasi-Newton steps within the limits.
-
-    Args:
-        machines: The numbers.
-        linear: What the noise is estimated on.
-        state: From `begun`, or from another call.
-        most: Most steps, those of earlier calls included.
+    """Go on with a search for the noise of each machine: quasi-Newton steps within the limits, at
+    most so many, those of earlier calls included.
     """
     low, high = _limits()
 
@@ -306,6 +285,3 @@ def noise_precision(
 
     slopes = jax.lax.map(slope, shifts)
     return (slopes[: len(NOISE)] - slopes[len(NOISE) :]) / (2 * width)
-
-
-evaluate = compiled()(restricted)

@@ -67,12 +67,8 @@ Heat = tuple[Float[Array, "block column lane"], ...]
 
 
 class Normal(NamedTuple):
-    """The normal equations at some scores, the prior included.
-
-    Attributes:
-        cost: Half the sum of squares [nat].
-        gradient: Its gradient, shape (parameter, machine).
-        curvature: Its Gauss-Newton curvature, shape (parameter, parameter, machine).
+    """Half the sum of squares at some scores, the prior included, its gradient and its Gauss-Newton
+    curvature [nat].
     """
 
     cost: Float[Array, " machine"]
@@ -81,15 +77,7 @@ class Normal(NamedTuple):
 
 
 class Search(NamedTuple):
-    """Where searches stand.
-
-    Attributes:
-        z: Scores, shape (parameter, machine).
-        normal: The normal equations there.
-        damping: Of the next step.
-        has_ended: Whether a search has converged.
-        num_steps: Steps taken.
-    """
+    """Where searches stand, with the damping of the next step and the steps taken."""
 
     z: Float[Array, "parameter machine"]
     normal: Normal
@@ -98,7 +86,8 @@ class Search(NamedTuple):
     num_steps: Int[Array, " machine"]
 
 
-def linearised(
+@compiled("structure")
+def linearise(
     structure: Structure, machines: Machines, z: Float[Array, "parameter machine"]
 ) -> list[Means]:
     """Return residuals [K] and Jacobian of each group of tests."""
@@ -117,18 +106,13 @@ def normal_equations(
 ) -> Normal:
     """Return the normal equations of whitened residuals.
 
-    Args:
-        structure: What is compiled.
-        machines: The numbers.
-        z: Scores.
-        noise: Noise of each machine, shape (machine,) each.
-        heat: What unmodelled heat does to each group of tests, as `Observation.heat`; empty for
-            noise that is white, without heat.
+    Noise is that of each machine; heat what unmodelled heat does to each group of tests, as
+    `Observation.heat`, empty for noise that is white, without heat.
     """
     size, num_machines = z.shape
     total = jnp.zeros((1 + size, 1 + size, num_machines))
     for index, (means, group) in enumerate(
-        zip(linearised(structure, machines, z), machines.groups, strict=True)
+        zip(linearise(structure, machines, z), machines.groups, strict=True)
     ):
         columns = [group.moments, means.residual[:, None], means.jacobian]
         own, num_heat = jax.tree.map(group.by_lane, noise), 0
@@ -194,14 +178,7 @@ def search(
 ) -> Search:
     """Go on with a search for each lane; arguments as `normal_equations`.
 
-    Args:
-        structure: Likewise.
-        machines: Likewise.
-        state: From `begun`, or from another call.
-        noise: Likewise.
-        heat: Likewise.
-        most: Most steps, those of earlier calls included.
-        held: Scores that stay as they are.
+    There are at most so many steps, those of earlier calls included; held scores stay as they are.
     """
 
     def unfinished(state: Search):
@@ -232,14 +209,6 @@ def search(
         return Search(z, now, damping, has_ended, num_steps + ~has_ended)
 
     return jax.lax.while_loop(unfinished, advance, state)
-
-
-@compiled("structure")
-def linearise(
-    structure: Structure, machines: Machines, z: Float[Array, "parameter machine"]
-) -> list[Means]:
-    """As `linearised`, compiled."""
-    return linearised(structure, machines, z)
 
 
 INPUTS = ("current_squared", "losses", "ambient", "second_sink", "shaft_power", "speed")
@@ -281,36 +250,16 @@ def _of_group(group: Group) -> Group:
 Tree = TypeVar("Tree")
 
 
-@compiled()
-def picked(tree: Tree, places: Int[Array, " picked"]) -> Tree:
-    """Return arrays with some of the machines in their trailing axis."""
-    return jax.tree.map(lambda values: jnp.take(values, places, axis=-1), tree)
+@compiled("num")
+def picked(tree: Tree, places: Int[Array, " picked"], num: int) -> Tree:
+    """Return arrays of so many machines, or of their tests, with some of the machines alone."""
 
+    def one(values: Array) -> Array:
+        num_tests = values.shape[-1] // num
+        own = jnp.concatenate([places + test * num for test in range(num_tests)])
+        return jnp.take(values, own, axis=-1)
 
-@compiled()
-def picked_machines(machines: Machines, places: Int[Array, " picked"]) -> Machines:
-    """Return the numbers of some of the machines."""
-    num = machines.centre.shape[-1]
-    groups = tuple(
-        picked(group, _of_tests(places, len(group.tests), num)) for group in machines.groups
-    )
-    return Machines(picked(machines.centre, places), picked(machines.sd, places), groups)
-
-
-@compiled()
-def picked_heat(
-    machines: Machines, heat: tuple[Array, ...], places: Int[Array, " picked"]
-) -> tuple[Array, ...]:
-    """Return arrays of the groups of tests, such as the heat, of some of the machines."""
-    num = machines.centre.shape[-1]
-    return tuple(
-        picked(own, _of_tests(places, len(group.tests), num))
-        for own, group in zip(heat, machines.groups, strict=True)
-    )
-
-
-def _of_tests(places: Array, num_tests: int, num_machines: int) -> Array:
-    return jnp.concatenate([places + test * num_machines for test in range(num_tests)])
+    return jax.tree.map(one, tree)
 
 
 @compiled()
@@ -346,14 +295,8 @@ and so much more [1, nat]: it has left the region in which the network answers t
 
 
 class Optima(NamedTuple):
-    """The optima of one machine.
-
-    Attributes:
-        z: Scores, the best first, shape (optimum, parameter).
-        cost: Half their sums of squares [nat].
-        has_ended: Whether each search has converged.
-        num_starts: Starts that came to each.
-        num_steps: Steps to the best.
+    """The optima of one machine, the best first: scores, half sums of squares [nat], whether each
+    search has converged, starts that came to each, and steps to the best.
     """
 
     z: Float[np.ndarray, "optimum parameter"]
@@ -370,14 +313,8 @@ def optima_from_starts(
     noise: Noise,
     is_wanted: np.ndarray,
 ) -> list[Optima | None]:
-    """Return the optima of each machine; None where no start leads to a finite fit.
-
-    Args:
-        structure: What is compiled.
-        machines: The numbers.
-        starts: Scores to search from.
-        noise: Noise of each machine.
-        is_wanted: Machines that are no padding.
+    """Return the optima of each machine that is no padding; None where no start leads to a finite
+    fit.
     """
     width = machines.centre.shape[-1]
     rough = coarse(machines)
@@ -416,14 +353,9 @@ def optima_from_starts(
         is_near = _is_near(done.normal.cost[own], done.normal.cost[own[0]])
         own = own[done.has_ended[own] | is_near]
         results.append(
-            Optima(
-                z=done.z[:, own].T,
-                cost=done.normal.cost[own],
-                has_ended=done.has_ended[own],
-                num_starts=num_starts[own],
-                num_steps=int(done.num_steps[own[0]]),
-            )
-        )
+            Optima(done.z[:, own].T, done.normal.cost[own], done.has_ended[own], num_starts[own],
+                   int(done.num_steps[own[0]]))
+        )  # fmt: skip
     return results
 
 
@@ -453,17 +385,9 @@ def continued(
 ) -> tuple[Any, Int[np.ndarray, " search"]]:
     """Go on with searches to their end, as many at once as there are machines.
 
-    Args:
-        structure: What is compiled.
-        machines: The numbers.
-        state: A `Search`, with as many lanes as there are searches, on the host.
-        lanes: Machine of each.
-        noise: Noise of each machine.
-        heat: As `search.normal_equations`.
-        most_steps: Most steps of each, those that it has made included.
-
-    Returns:
-        The searches, and for each the one that has gone on for it since they came together.
+    The `state` is a `Search` on the host, with a lane for each search; `lanes` says of which
+    machine each is. With the searches comes for each the one that has gone on for it since they
+    came together.
     """
     width = machines.centre.shape[-1]
     state = jax.tree.map(np.array, state)
@@ -475,16 +399,9 @@ def continued(
         for first in range(0, open_ones.size, width):
             part = open_ones[first : first + width]
             filled = np.concatenate([part, np.repeat(part[-1:], width - part.size)])
-            places = jnp.asarray(lanes[filled])
-            after = search(
-                structure,
-                picked_machines(machines, places),
-                jax.tree.map(lambda values, filled=filled: jnp.asarray(values[..., filled]), state),
-                picked(noise, places),
-                picked_heat(machines, heat, places) if heat else (),
-                jnp.asarray(most),
-                none,
-            )
+            own_state = jax.tree.map(lambda v, filled=filled: jnp.asarray(v[..., filled]), state)
+            chosen = picked((machines, noise, heat), jnp.asarray(lanes[filled]), width)
+            after = search(structure, chosen[0], own_state, *chosen[1:], jnp.asarray(most), none)
             for own, found in zip(
                 jax.tree.leaves(state), jax.tree.leaves(on_host(after)), strict=True
             ):

@@ -46,8 +46,7 @@ class Settled(NamedTuple):
     """Where the turns have ended.
 
     Attributes:
-        z: Scores, shape (parameter, machine).
-        noise_z: Scores of the noise, shape (noise, machine).
+        z: Scores; those of the noise stand in `noise_z`.
         heat: What unmodelled heat does to each group of tests.
         cost: Half the sum of squares at the end [nat].
         shift: Change of the scores in the last turn.
@@ -67,16 +66,9 @@ class Settled(NamedTuple):
 def settle(
     structure: Structure, machines: Machines, z: Float[Array, "parameter machine"]
 ) -> Settled:
-    """Return where noise and least squares come to rest from the optima for white noise.
-
-    Args:
-        structure: What is compiled.
-        machines: The numbers.
-        z: Scores.
-    """
-    num = z.shape[-1]
+    """Return where noise and least squares come to rest from the optima for white noise."""
     means, noise = linearise(structure, machines, z), None
-    is_done = has_rival = jnp.zeros(num, dtype=bool)
+    is_done = has_rival = jnp.zeros(z.shape[-1], dtype=bool)
     held = np.zeros(z.shape, dtype=bool)
     state: Settled | None = None
     for _ in range(NUM_ROUNDS):
@@ -88,9 +80,7 @@ def settle(
             # the second derivative that the last turn has found still holds
             again = begun(noise.noise_z)._replace(curvature=noise.curvature)
             noise = search_noise(machines, linear, again, jnp.asarray(MOST_STEPS))
-        found, held = _searched(
-            structure, machines, z, from_scores(noise.noise_z), heat, held
-        )  # fmt: skip
+        found, held = _searched(structure, machines, z, from_scores(noise.noise_z), heat, held)
         shift = jnp.max(jnp.abs(found.z - z), axis=0)
         has_ended = found.has_ended & noise.has_ended
         now = Settled(found.z, noise.noise_z, heat, found.normal.cost, shift, has_ended, has_rival)
@@ -102,7 +92,6 @@ def settle(
         if bool(jnp.all(is_done)):
             break
     assert state is not None
-    assert state.shift.shape == (num,)
     return state
 
 
@@ -114,15 +103,8 @@ def _searched(
     heat: Heat,
     held: Bool[np.ndarray, "parameter machine"],
 ) -> tuple[Search, Bool[np.ndarray, "parameter machine"]]:
-    """Return the searches from some scores, and which delays are at their corners.
-
-    Args:
-        structure: What is compiled.
-        machines: The numbers.
-        z: Scores.
-        noise: Of each machine.
-        heat: As `search.normal_equations`.
-        held: Delays that the last turn has left at their corners.
+    """Return the searches from some scores, and which delays are at their corners; `held` are those
+    that the last turn has left there.
     """
 
     def ahead(state: Search, most: int, held: np.ndarray) -> Search:
@@ -228,14 +210,9 @@ def _noise_starts(machines: Machines, means: list[Means]) -> list[Float[Array, "
 
 
 class Final(NamedTuple):
-    """What is said of the fit.
-
-    Attributes:
-        means: Residuals and Jacobian of each group of tests.
-        restricted: The restricted likelihood of the noise.
-        noise_precision: Its curvature, shape (noise, noise, machine).
-        innovations: Whitened residuals of each group of tests, shape (block, lane).
-        stiffness: Longest step over the longest that the march takes [1].
+    """What is said of the fit: residuals and whitened residuals of each group of tests, the
+    restricted likelihood of the noise and its curvature, and as stiffness the longest step over the
+    longest that the march takes [1].
     """
 
     means: list[Means]

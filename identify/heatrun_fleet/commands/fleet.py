@@ -110,7 +110,7 @@ def _print(result: FleetResult, *, discovers: bool, as_json: bool) -> None:
     from heatrun.results import to_json
 
     from ..job import summary, summary_text
-    from ..shared_effects.search import discovery_text
+    from ..shared_effects.job import discovery_text
 
     found = summary(result)
     shared = result.discovery() if discovers else None

@@ -11,7 +11,7 @@ from heatrun.commands.console import DONE, NOT_ALLOWED, printable, say
 from heatrun.errors import UsageError
 
 if TYPE_CHECKING:
-    from ..population.types import Written
+    from ..population.job import Written
 
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
@@ -59,6 +59,7 @@ def run(options: argparse.Namespace) -> int:
     from heatrun.results import to_json
 
     from ..population.of_fleet import is_fleet
+    from ..population.terminal import population_text
 
     if len(options.source) == 1 and is_fleet(options.source[0]):
         written = _of_fleet(options)
@@ -67,45 +68,39 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print(to_json({"populations": [each.described() for each in written]}))
     else:
-        print(printable(_text(written)))
+        print(printable("\n\n".join(map(population_text, written))))
     return DONE if any(each.result is not None for each in written) else NOT_ALLOWED
 
 
 def _of_fleet(options: argparse.Namespace) -> list[Written]:
+    from ..population.job import populations_of_fleet
     from ..population.of_fleet import read_fleet
-    from ..population.types import population_of_type, populations_of_fleet
 
     fleet = read_fleet(options.source[0])
-    settings = {
-        "covariates": options.covariate,
-        "seed": options.seed,
-        "is_replacing": options.force,
-    }
-    num = sum(fleet.types.values())
+    num, types = sum(fleet.types.values()), list(fleet.types)
     if options.type is not None:
+        types = [options.type]
         say(f"{num} machines in {fleet.path}; those of type {options.type} are taken")
-        return [population_of_type(fleet, options.type, options.out, **settings)]
-    types = f" of {len(fleet.types)} types" if len(fleet.types) > 1 else ""
-    say(f"{num} machines{types} in {fleet.path}")
-    return populations_of_fleet(fleet, options.out, **settings)
+    else:
+        say(f"{num} machines{f' of {len(types)} types' if len(types) > 1 else ''} in {fleet.path}")
+    return populations_of_fleet(fleet, types, options.out, options.covariate, seed=options.seed,
+                                is_replacing=options.force)  # fmt: skip
 
 
 def _of_runs(options: argparse.Namespace) -> Written:
-    from ..population.job import population
-    from ..population.types import Written, written_to
+    from heatrun.runs.run_folder import refuse_unwritable
+
+    from ..population.job import Written, default_folder, population, write_population
 
     if options.covariate:
         raise UsageError(
             "--covariate names columns of a fleet file; of runs, heatrun.population takes values"
         )
     name = options.type or ""
+    out = options.out or default_folder(name)
+    refuse_unwritable(out)
     source = options.source if len(options.source) > 1 else options.source[0]
     found = population(source, type_name=name, seed=options.seed).result
-    files = written_to(options.out, name, found, is_replacing=options.force)
+    files = write_population(out, found, is_named=options.out is not None,
+                             is_replacing=options.force)  # fmt: skip
     return Written(name, found, files)
-
-
-def _text(written: list[Written]) -> str:
-    from ..population.types import population_text
-
-    return "\n\n".join(population_text(each) for each in written)

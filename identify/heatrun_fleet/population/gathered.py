@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from itertools import combinations
 from typing import Literal
@@ -20,6 +20,7 @@ from jaxtyping import Float
 from heatrun.errors import InputError, did_you_mean
 
 from ..entries import cell_text
+from ..results import MachineLeftOut
 
 NEGLIGIBLE = 1e-6
 """Share of the prior's precision that a posterior may fall short of it by rounding [1]."""
@@ -57,27 +58,9 @@ class Evidence:
     ) -> Evidence:
         """Return the evidence of Gaussian posteriors and the priors that they were found with.
 
-        Args:
-            names: Of the parameters.
-            mean: Of the posteriors.
-            covariance: Of the posteriors.
-            prior_mean: Of the priors.
-            prior_covariance: Of the priors.
-
         Raises:
-            InputError: If an array has another shape, or a covariance is not positive definite.
+            InputError: If a covariance is not positive definite.
         """
-        size, num = len(names), np.shape(mean)[0]
-        for label, array, shape in (
-            ("mean", mean, (num, size)), ("covariance", covariance, (num, size, size)),
-            ("prior_mean", prior_mean, (num, size)),
-            ("prior_covariance", prior_covariance, (num, size, size)),
-        ):  # fmt: skip
-            if np.shape(array) != shape:
-                raise InputError(
-                    f"Expected {label} of shape {shape}, got {np.shape(array)}.",
-                    remedy="Give one row for each machine and one column for each parameter.",
-                )
         posterior = _inverse(covariance, "posterior")
         prior = _inverse(prior_covariance, "prior")
         # in units of the prior, where the eigenvalues tell what the tests add to it
@@ -115,128 +98,6 @@ def _inverse(covariance: np.ndarray, of: str) -> np.ndarray:
         )
     factor = np.linalg.inv(np.linalg.cholesky(covariance))
     return np.swapaxes(factor, -1, -2) @ factor
-
-
-FEWEST = 3
-"""Machines that a spread can be told from."""
-
-
-@dataclass(frozen=True)
-class LeftOut:
-    """A machine that does not count.
-
-    Attributes:
-        machine: Its name.
-        reason: Why, in a sentence.
-    """
-
-    machine: str
-    reason: str
-
-
-@dataclass(frozen=True)
-class Gathered:
-    """Machines of one type, each with the posterior of its own calibration.
-
-    Posteriors and priors are normal in the space of the transforms: the logarithm of the value in
-    its unit for `"log"`, the value for `"linear"`.
-
-    Attributes:
-        machines: Their names.
-        names: Of the parameters.
-        units: Of the parameters.
-        transforms: `"log"` or `"linear"` for each parameter.
-        mean: Of the posteriors.
-        covariance: Of the posteriors.
-        prior_mean: Of the priors.
-        prior_sd: Of the priors, which are independent.
-        columns: Covariates by name, a text for each machine, empty where there is none.
-        left_out: The others.
-        source: What they were taken from, for the record.
-        noise: Noise and unmodelled heat of machines of the same type, likewise; None where nothing
-            is known of them.
-    """
-
-    machines: tuple[str, ...]
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    transforms: tuple[str, ...]
-    mean: Float[np.ndarray, "machine parameter"]
-    covariance: Float[np.ndarray, "machine parameter parameter"]
-    prior_mean: Float[np.ndarray, "machine parameter"]
-    prior_sd: Float[np.ndarray, "machine parameter"]
-    columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    left_out: tuple[LeftOut, ...] = ()
-    source: Mapping[str, str] = field(default_factory=dict)
-    noise: Gathered | None = None
-
-    def evidence(self) -> Evidence:
-        """Return what the tests of each machine say, the priors divided out."""
-        prior = self.prior_sd[:, :, None] ** 2 * np.eye(len(self.names))
-        return Evidence.of_posteriors(
-            self.names, self.mean, self.covariance, self.prior_mean, prior
-        )
-
-    def without(self, others: Mapping[str, str]) -> Gathered:
-        """Return the same with further machines left out.
-
-        Args:
-            others: Reason by machine.
-        """
-        kept = [place for place, name in enumerate(self.machines) if name not in others]
-        return Gathered(
-            tuple(self.machines[place] for place in kept), self.names, self.units, self.transforms,
-            self.mean[kept], self.covariance[kept], self.prior_mean[kept], self.prior_sd[kept],
-            {name: tuple(texts[place] for place in kept) for name, texts in self.columns.items()},
-            (*self.left_out, *(LeftOut(name, why) for name, why in others.items())),
-            self.source,
-            None if self.noise is None else self.noise.without(
-                {name: why for name, why in others.items() if name in self.noise.machines}
-            ),
-        )  # fmt: skip
-
-    def refuse_few(self, where: str) -> None:
-        """Refuse machines that a spread cannot be told from.
-
-        Args:
-            where: What they were taken from, for messages.
-
-        Raises:
-            InputError: With those that were left out.
-        """
-        if len(self.machines) >= FEWEST:
-            return
-        raise InputError(
-            f"Expected {FEWEST} machines or more, got {len(self.machines)}{_named(self.left_out)}.",
-            where=where,
-            remedy="Calibrate more machines of the type; a spread cannot be told from fewer.",
-        )
-
-
-def is_positive(covariance: Float[np.ndarray, "..."], size: int) -> bool:
-    """Return whether numbers are a covariance of so many parameters, finite and positive definite.
-
-    Args:
-        covariance: Row by row, or as a matrix.
-        size: Number of parameters.
-    """
-    return (
-        covariance.size == size**2
-        and bool(np.all(np.isfinite(covariance)))
-        and np.linalg.eigvalsh(covariance.reshape(size, size)).min() > 0.0
-    )
-
-
-MOST_NAMED = 3
-"""Machines that a message names with their reasons."""
-
-
-def _named(left_out: Sequence[LeftOut]) -> str:
-    if not left_out:
-        return ""
-    first = "; ".join(f"{each.machine}: {each.reason}" for each in left_out[:MOST_NAMED])
-    more = f"; and {len(left_out) - MOST_NAMED} more" if len(left_out) > MOST_NAMED else ""
-    return f"; left out were {first}{more}"
 
 
 DAYS_OF_A_YEAR = 365.25
@@ -278,16 +139,9 @@ class Covariate:
 
 
 def covariates_of(name: str, texts: Sequence[str], where: str) -> list[Covariate]:
-    """Return the columns of the design that stand for a column of the fleet file.
-
-    Args:
-        name: Of the column.
-        texts: One for each machine, none empty.
-        where: What they were taken from, for messages.
-
-    Returns:
-        One column for numbers and dates, one for each category but the most common; none where all
-        machines have the same.
+    """Return the columns of the design that stand for a column of the fleet file, with a text for
+    each machine: one for numbers and dates, one for each category but the most common; none where
+    all machines have the same.
 
     Raises:
         InputError: If the texts are neither numbers nor dates, and too many to be categories.
@@ -349,48 +203,106 @@ def _year(text: str) -> float | None:
     return found.timestamp() / 86400.0 / DAYS_OF_A_YEAR
 
 
+FEWEST = 3
+"""Machines that a spread can be told from."""
+
+MOST_NAMED = 3
+"""Machines that a message names with their reasons."""
+
+
+@dataclass(frozen=True)
+class Gathered:
+    """Machines of one type, each with the posterior of its own calibration.
+
+    Posteriors and priors are normal in the space of the transforms: the logarithm of the value in
+    its unit for `"log"`, the value for `"linear"`.
+
+    Attributes:
+        machines: Their names.
+        names: Of the parameters.
+        units: Of the parameters.
+        transforms: `"log"` or `"linear"` for each parameter.
+        mean: Of the posteriors.
+        covariance: Of the posteriors.
+        prior_mean: Of the priors.
+        prior_sd: Of the priors, which are independent.
+        columns: Covariates by name, a text for each machine, empty where there is none.
+        left_out: The others.
+        source: What they were taken from, for the record.
+        noise: Noise and unmodelled heat of machines of the same type, likewise; None where nothing
+            is known of them.
+        covariates: Those that were chosen, as columns of the design.
+        notes: What must be known of it, in sentences.
+    """
+
+    machines: tuple[str, ...]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    transforms: tuple[str, ...]
+    mean: Float[np.ndarray, "machine parameter"]
+    covariance: Float[np.ndarray, "machine parameter parameter"]
+    prior_mean: Float[np.ndarray, "machine parameter"]
+    prior_sd: Float[np.ndarray, "machine parameter"]
+    columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    left_out: tuple[MachineLeftOut, ...] = ()
+    source: Mapping[str, str] = field(default_factory=dict)
+    noise: Gathered | None = None
+    covariates: tuple[Covariate, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def evidence(self) -> Evidence:
+        """Return what the tests of each machine say, the priors divided out."""
+        prior = self.prior_sd[:, :, None] ** 2 * np.eye(len(self.names))
+        return Evidence.of_posteriors(
+            self.names, self.mean, self.covariance, self.prior_mean, prior
+        )
+
+    def without(self, others: Mapping[str, str]) -> Gathered:
+        """Return the same with further machines left out, by name with the reason."""
+        kept = [place for place, name in enumerate(self.machines) if name not in others]
+        laws = ("mean", "covariance", "prior_mean", "prior_sd")
+        return replace(
+            self,
+            machines=tuple(self.machines[place] for place in kept),
+            **{name: getattr(self, name)[kept] for name in laws},
+            columns={name: tuple(own[i] for i in kept) for name, own in self.columns.items()},
+            left_out=(*self.left_out,
+                      *(MachineLeftOut(name=name, reason=why) for name, why in others.items())),
+            noise=self.noise and self.noise.without(others),
+        )  # fmt: skip
+
+    def matrix(self, places: Sequence[int] | None = None) -> Float[np.ndarray, "machine covariate"]:
+        """Return the covariates, each divided by its span and less its mean over the machines, of
+        all machines or of those at some places.
+        """
+        used = [*range(len(self.machines))] if places is None else places
+        if not self.covariates:
+            return np.zeros((len(used), 0))
+        columns = np.stack([each.values / each.span for each in self.covariates], axis=1)[used]
+        return columns - columns.mean(axis=0)
+
+
+def is_positive(covariance: Float[np.ndarray, "..."], size: int) -> bool:
+    """Return whether numbers, row by row or as a matrix, are a covariance of so many parameters,
+    finite and positive definite.
+    """
+    return (
+        covariance.size == size**2
+        and bool(np.all(np.isfinite(covariance)))
+        and np.linalg.eigvalsh(covariance.reshape(size, size)).min() > 0.0
+    )
+
+
 TOGETHER = 0.9
 """Correlation of two covariates from which on what each of them does cannot be told apart [1]."""
 
 
-@dataclass(frozen=True)
-class Design:
-    """Machines with their covariates.
-
-    Attributes:
-        gathered: Those that have all of the covariates.
-        covariates: Columns of the design.
-        notes: What must be known of it, in sentences.
-    """
-
-    gathered: Gathered
-    covariates: tuple[Covariate, ...]
-    notes: tuple[str, ...]
-
-    def matrix(self, places: Sequence[int] | None = None) -> Float[np.ndarray, "machine covariate"]:
-        """Return the columns, each divided by its span and less its mean over the machines.
-
-        Args:
-            places: Of the machines that are meant; all by default.
-        """
-        used = range(len(self.gathered.machines)) if places is None else places
-        if not self.covariates:
-            return np.zeros((len(used), 0))
-        columns = np.stack([each.values / each.span for each in self.covariates], axis=1)[[*used]]
-        return columns - columns.mean(axis=0)
-
-
-def designed(gathered: Gathered, names: Sequence[str], where: str) -> Design:
-    """Return the machines with covariates from columns of the fleet file.
-
-    Args:
-        gathered: The machines.
-        names: Of the columns.
-        where: What they were taken from, for messages.
+def designed(gathered: Gathered, names: Sequence[str], where: str) -> Gathered:
+    """Return the machines with covariates from columns of the fleet file, by name.
 
     Raises:
-        InputError: If there is no such column, too few machines have one, or a column can be no
-            covariate.
+        InputError: If there is no such column, too few machines are there or have one, or a column
+            can be no covariate.
     """
     for name in names:
         if name not in gathered.columns:
@@ -407,25 +319,45 @@ def designed(gathered: Gathered, names: Sequence[str], where: str) -> Design:
         if not text
     }
     gathered = gathered.without(missing)
-    gathered.refuse_few(where)
+    num = len(gathered.machines)
+    if num < FEWEST:
+        first = "; ".join(f"{each.name}: {each.reason}" for each in gathered.left_out[:MOST_NAMED])
+        others = len(gathered.left_out) - MOST_NAMED
+        more = f"; and {others} more" if others > 0 else ""
+        said = f"; left out were {first}{more}" if first else ""
+        raise InputError(
+            f"Expected {FEWEST} machines or more, got {num}{said}.",
+            where=where,
+            remedy="Calibrate more machines of the type; a spread cannot be told from fewer.",
+        )
     covariates: list[Covariate] = []
-    notes = []
+    notes: list[str] = []
     for name in dict.fromkeys(names):
         texts = gathered.columns[name]
         found = covariates_of(name, texts, where)
         if not found:
             notes.append(f"{name} is {texts[0]!r:.80} for all machines: it explains nothing here.")
         covariates += found
-    _refuse_few(gathered, covariates, where)
-    return Design(gathered, tuple(covariates), (*notes, *_together(covariates)))
+    if num < FEWEST + len(covariates):
+        raise InputError(
+            f"Expected {FEWEST + len(covariates)} machines or more for a spread with the "
+            f"covariates {', '.join(each.label for each in covariates)}, got {num}.",
+            where=where,
+            remedy="Calibrate more machines of the type, or give fewer covariates.",
+        )
+    for one, other in combinations(covariates, 2):
+        correlation = float(np.corrcoef(one.values, other.values)[0, 1])
+        if abs(correlation) > TOGETHER and one.column != other.column:
+            notes.append(
+                f"{one.label} and {other.label} change together over the machines (correlation "
+                f"{correlation:.2f}): what each of them does cannot be told apart."
+            )
+    return replace(gathered, covariates=tuple(covariates), notes=tuple(notes))
 
 
 def given_columns(gathered: Gathered, covariates: Mapping[str, Sequence[object]]) -> Gathered:
-    """Return machines with covariates that were given beside them.
-
-    Args:
-        gathered: The machines.
-        covariates: By name, a number, text or date for each machine.
+    """Return machines with covariates that were given beside them: by name, a number, text or date
+    for each machine.
 
     Raises:
         InputError: If one has not a value for each machine, or a number that is not finite.
@@ -442,30 +374,4 @@ def given_columns(gathered: Gathered, covariates: Mapping[str, Sequence[object]]
                 remedy="Give one value for each run, in their order.",
             )
         columns[name] = texts
-    return Gathered(**{**vars(gathered), "columns": columns})
-
-
-def _refuse_few(gathered: Gathered, covariates: Sequence[Covariate], where: str) -> None:
-    """Refuse covariates that explain so few machines whatever they are."""
-    num = FEWEST + len(covariates)
-    if len(gathered.machines) < num:
-        raise InputError(
-            f"Expected {num} machines or more for a spread with the covariates "
-            f"{', '.join(each.label for each in covariates)}, got {len(gathered.machines)}.",
-            where=where,
-            remedy="Calibrate more machines of the type, or give fewer covariates.",
-        )
-
-
-def _together(covariates: Sequence[Covariate]) -> list[str]:
-    found = []
-    for one, other in combinations(covariates, 2):
-        if one.column == other.column:
-            continue
-        correlation = float(np.corrcoef(one.values, other.values)[0, 1])
-        if abs(correlation) > TOGETHER:
-            found.append(
-                f"{one.label} and {other.label} change together over the machines (correlation "
-                f"{correlation:.2f}): what each of them does cannot be told apart."
-            )
-    return found
+    return replace(gathered, columns=columns)

@@ -8,23 +8,31 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from msgspec import UNSET, UnsetType
 
 from heatrun.errors import InputError
-from heatrun.io.whole_files import is_other, refuse_replacing, together, write_whole
+from heatrun.io.whole_files import (
+    folder_name,
+    is_other,
+    numbered,
+    refuse_replacing,
+    together,
+    write_whole,
+)
 from heatrun.motor.file import NAME
 from heatrun.results import to_json, to_plain
 from heatrun.runs.run import Run, open_run
+from heatrun.runs.run_folder import refuse_unwritable
 
 from ..job import FleetResult
-from ..results import PopulationNoise, PopulationParameter, PopulationResult
-from .gathered import FEWEST, Design, Gathered, designed, given_columns
+from ..results import PopulationParameter, PopulationResult
+from .gathered import FEWEST, Gathered, designed, given_columns
 from .of_fleet import FleetRows, gathered_of_fleet, gathered_of_runs, is_fleet, read_fleet
-from .report import NOISE_SPREAD, default_hyperprior, noise_result, population_result
+from .report import NOISE_SPREAD, default_hyperprior, population_result
 from .sampling import sample_population
 
 Covariates = Mapping[str, Sequence[Any]] | Sequence[str]
@@ -150,12 +158,17 @@ def population(
                 remedy='Write covariates=["supplier"].',
             )
         chosen = _only_type(fleet) if type is None else type
+        names = [covariates] if isinstance(covariates, str) else list(covariates)
         result = pooled(
-            gathered_of_fleet(fleet, chosen), _names(covariates), str(fleet.path),
-            type_name=type_name or chosen, seed=seed,
+            gathered_of_fleet(fleet, chosen), names, str(fleet.path), type_name=type_name or chosen,
+            seed=seed,
         )  # fmt: skip
+    elif type is not None:
+        raise InputError(
+            "Runs have no types to choose from.", remedy="Leave type out, or write type_name."
+        )
     else:
-        result = _of_runs(source, type, covariates, network, type_name=type_name, seed=seed)
+        result = _of_runs(source, covariates, network, type_name=type_name, seed=seed)
     if out is not None:
         write_population(Path(out), result, is_replacing=force)
     return TypeOfMachine(result)
@@ -164,62 +177,32 @@ def population(
 def pooled(
     gathered: Gathered, covariates: Sequence[str], where: str, *, type_name: str, seed: int
 ) -> PopulationResult:
-    """Return the population of machines.
-
-    Args:
-        gathered: The machines.
-        covariates: Names of columns.
-        where: What they were taken from, for messages.
-        type_name: Of the machines.
-        seed: Random seed.
+    """Return the population of machines with the covariates from some columns.
 
     Raises:
         InputError: If fewer than three machines are left, or a covariate is not there.
     """
-    gathered.refuse_few(where)
-    design = designed(gathered, covariates, where)
-    machines = design.gathered
+    machines = designed(gathered, covariates, where)
     found = sample_population(
-        machines.evidence(), default_hyperprior(machines), design.matrix(), seed=seed
+        machines.evidence(), default_hyperprior(machines), machines.matrix(), seed=seed
     )
-    notes = list(design.notes)
-    if not found.is_converged:
-        notes.append("The sampling did not converge: the intervals are indicative.")
-    noise = _noise(design, seed)
-    if noise and not noise.is_converged:
-        notes.append("The sampling of the noise did not converge: its intervals are indicative.")
-    return population_result(
-        found, machines, design.covariates, type_name=type_name, noise=noise, seed=seed,
-        notes=notes,
-    )  # fmt: skip
-
-
-def _noise(design: Design, seed: int) -> PopulationNoise | UnsetType:
-    """Return the population of noise and unmodelled heat, with the same covariates."""
-    noise = design.gathered.noise
-    if noise is None or len(noise.machines) < FEWEST + len(design.covariates):
-        return UNSET
-    used = [design.gathered.machines.index(name) for name in noise.machines]
-    found = sample_population(
-        noise.evidence(), default_hyperprior(noise, NOISE_SPREAD), design.matrix(used), seed=seed
-    )
-    return noise_result(found, noise, design.covariates, seed=seed)
+    noise, of_noise = machines.noise, None
+    if noise is not None and len(noise.machines) >= FEWEST + len(machines.covariates):
+        used = [machines.machines.index(name) for name in noise.machines]
+        law = default_hyperprior(noise, NOISE_SPREAD)
+        of_noise = sample_population(noise.evidence(), law, machines.matrix(used), seed=seed)
+    return population_result(machines, found, of_noise, type_name=type_name, seed=seed)
 
 
 def _of_runs(
-    source: Any, type: str | None, covariates: Covariates, network: str | None, *,
-    type_name: str, seed: int,
-) -> PopulationResult:  # fmt: skip
+    source: Any, covariates: Covariates, network: str | None, *, type_name: str, seed: int
+) -> PopulationResult:
     if isinstance(source, str | Path):
         raise InputError(
             "Expected the folder of a fleet, or the runs of several machines, got one path that is "
             "no fleet.",
             where=str(source),
             remedy="Give the folder that `heatrun fleet` wrote, or a list of run folders.",
-        )
-    if type is not None:
-        raise InputError(
-            "Runs have no types to choose from.", remedy="Leave type out, or write type_name."
         )
     if any(is_fleet(each) for each in source):
         raise InputError(
@@ -238,10 +221,6 @@ def _of_runs(
     return pooled(gathered, list(given), "", type_name=type_name, seed=seed)
 
 
-def _names(covariates: Covariates) -> list[str]:
-    return [covariates] if isinstance(covariates, str) else list(covariates)
-
-
 def _only_type(fleet: FleetRows) -> str:
     if len(fleet.types) == 1:
         return next(iter(fleet.types))
@@ -256,13 +235,90 @@ def _only_type(fleet: FleetRows) -> str:
 TABLE, SHEET = "population.parquet", "type_sheet.pdf"
 
 
-def write_population(folder: Path, result: PopulationResult, *, is_replacing: bool) -> list[Path]:
+@dataclass(frozen=True)
+class Written:
+    """The population of a type and where it stands, or the refusal in its place."""
+
+    type: str
+    result: PopulationResult | None = None
+    files: tuple[Path, ...] = ()
+    refusal: InputError | None = None
+
+    def described(self) -> dict[str, Any]:
+        """Return what `heatrun population --json` prints of it."""
+        if self.result is not None:
+            return {**to_plain(self.result), "files": [str(path) for path in self.files]}
+        assert self.refusal is not None
+        error = self.refusal
+        said = {"problem": error.problem, "where": error.where, "remedy": error.remedy}
+        return {"type": self.type, "error": said}
+
+
+def populations_of_fleet(
+    fleet: FleetRows, types: Sequence[str], out: Path | None, covariates: Sequence[str] = (), *,
+    seed: int = 0, is_replacing: bool = False,
+) -> list[Written]:  # fmt: skip
+    """Work out and write the population of each type; one that cannot be does not stop the others.
+
+    Args:
+        fleet: The rows.
+        types: Some of `fleet.types`.
+        out: Folder, in which each type has one of its own if there are several; None for
+            `results/populations`, where nothing is replaced.
+        covariates: Names of columns of the fleet file.
+        seed: Random seed.
+        is_replacing: Whether other populations in `out` are replaced.
+
+    Raises:
+        InputError: If it is one type, and that has no population.
+    """
+    base = default_folder("").parent if out is None else out
+    written: list[Written] = []
+    places: list[Path] = []
+    for type in types:
+        if len(types) > 1:
+            wanted = numbered(base / _slug(type or "no-type"))
+            place = next(each for each in wanted if each not in places)  # two never share one
+        else:
+            place = default_folder(type or fleet.name) if out is None else out
+        places.append(place)
+        try:
+            refuse_unwritable(place)
+            result = pooled(
+                gathered_of_fleet(fleet, type), covariates, str(fleet.path), type_name=type,
+                seed=seed,
+            )  # fmt: skip
+            files = write_population(
+                place, result, is_named=out is not None, is_replacing=is_replacing
+            )
+            written.append(Written(type, result, files))
+        except InputError as refusal:
+            if len(types) == 1:
+                raise
+            written.append(Written(type, refusal=refusal))
+    return written
+
+
+def default_folder(name: str) -> Path:
+    """Return where a population goes if no folder is given: named after its type."""
+    return Path("results") / "populations" / _slug(name)
+
+
+def _slug(name: str) -> str:
+    return folder_name(name) or "type"
+
+
+def write_population(
+    folder: Path, result: PopulationResult, *, is_replacing: bool, is_named: bool = True
+) -> tuple[Path, ...]:
     """Write the files of a population; all of them appear, or none.
 
     Args:
         folder: Where they go; made if it is not there.
         result: The population.
         is_replacing: Whether another population there is replaced.
+        is_named: Whether the folder is where the user wants it; else it gets a number where
+            another population stands there.
 
     Returns:
         The files: the table is not among them where pyarrow is not installed.
@@ -271,45 +327,28 @@ def write_population(folder: Path, result: PopulationResult, *, is_replacing: bo
         InputError: If another population stands there and is not to be replaced.
     """
     text = (to_json(result) + "\n").encode()
+
+    def is_same(place: Path) -> bool:
+        return (place / NAME).is_file() and not is_other(place / NAME, text)
+
+    if not is_named and not is_replacing:
+        folder = next(each for each in numbered(folder) if not each.exists() or is_same(each))
     if is_other(folder / NAME, text) and not is_replacing:
         refuse_replacing(folder, "another population, or this one with other inputs")
     folder.mkdir(parents=True, exist_ok=True)
-    names = [NAME, SHEET]
+    names = [NAME, *([TABLE] if find_spec("pyarrow") else []), SHEET]
     with together(folder, "population") as files:
         write_whole(files.aside / NAME, text)
-        if _has_parquet():
-            _write_table(files.aside / TABLE, result)
-            names.insert(1, TABLE)
-        _write_sheet(files.aside / SHEET, result)
+        if TABLE in names:
+            from pyarrow.parquet import write_table
+
+            from .table import table_of
+
+            write_table(table_of(result), files.aside / TABLE, compression="zstd",
+                        write_page_checksum=True)  # fmt: skip
+        from .sheet import write_type_sheet  # slow to import
+
+        write_type_sheet(result, files.aside / SHEET)
     if TABLE not in names:
         (folder / TABLE).unlink(missing_ok=True)  # of the population that was replaced
-    return [folder / name for name in names]
-
-
-def is_same(folder: Path, result: PopulationResult) -> bool:
-    """Return whether a folder holds just this population, or nothing yet."""
-    return not folder.exists() or (
-        (folder / NAME).is_file() and not is_other(folder / NAME, (to_json(result) + "\n").encode())
-    )
-
-
-def _has_parquet() -> bool:
-    try:
-        import pyarrow  # noqa: F401
-    except ImportError:
-        return False
-    return True
-
-
-def _write_table(path: Path, result: PopulationResult) -> None:
-    from pyarrow.parquet import write_table
-
-    from .table import table_of
-
-    write_table(table_of(result), path, compression="zstd", write_page_checksum=True)
-
-
-def _write_sheet(path: Path, result: PopulationResult) -> None:
-    from .sheet import write_type_sheet  # slow to import
-
-    write_type_sheet(result, path)
+    return tuple(folder / name for name in names)

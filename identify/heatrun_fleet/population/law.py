@@ -123,11 +123,8 @@ def unpack(
 ) -> tuple[Law, Float[Array, ""]]:
     """Return the law of scores, and the log density of its prior over the scores [nat].
 
-    Args:
-        scores: Unbounded; mean and coefficients in units of their prior, log spread in units of its
-            scale, partial correlations, logit of the share of outliers.
-        hyper: The prior.
-        num_covariates: Columns of the design.
+    The scores are unbounded: mean and coefficients in units of their prior, log spread in units of
+    its scale, partial correlations, logit of the share of outliers.
     """
     size = hyper.mean.size
     cuts = np.cumsum([size, num_covariates * size, size, size * (size - 1) // 2])
@@ -185,10 +182,8 @@ def log_marginals(
     usual = one(law.factor)
     if not has_outliers:
         return usual, jnp.full_like(usual, -jnp.inf)
-    return (
-        usual + jnp.log1p(-law.outlier_share),
-        one(OUTLIER_SCALE * law.factor) + jnp.log(law.outlier_share),
-    )
+    other = one(OUTLIER_SCALE * law.factor)
+    return usual + jnp.log1p(-law.outlier_share), other + jnp.log(law.outlier_share)
 
 
 def log_marginal(
@@ -203,10 +198,7 @@ def log_marginal(
     Minus infinity where the law is so wide, or so far from the machine, that rounding leaves
     nothing of it.
     """
-    pull = factor.T @ (information - precision @ centre)
-    inner = jnp.eye(centre.size) + factor.T @ precision @ factor
-    root = cholesky(inner)
-    half = solve_lower(root, pull)
+    inner, root, half = _solved(centre, factor, information, precision)
     at_centre = information @ centre - 0.5 * centre @ precision @ centre
     gained = 0.5 * half @ half
     # beyond, the identity within `inner` and the difference of the two terms are noise: a draw in
@@ -224,9 +216,14 @@ def given_machine(
     precision: Float[Array, "parameter parameter"],
 ) -> tuple[Float[Array, " parameter"], Float[Array, "parameter parameter"]]:
     """Return mean and Cholesky-like factor F (covariance F F') of a machine under a law."""
+    _, root, half = _solved(centre, factor, information, precision)
+    inverse = solve_lower(root, factor.T)  # root^-1 C'
+    return centre + inverse.T @ half, inverse.T
+
+
+def _solved(centre: Array, factor: Array, information: Array, precision: Array) -> list[Array]:
+    """Return I + C' L C, its lower factor, and what this factor times gives C' (h - L m)."""
     pull = factor.T @ (information - precision @ centre)
     inner = jnp.eye(centre.size) + factor.T @ precision @ factor
     root = cholesky(inner)
-    half = solve_lower(root, pull)
-    inverse = solve_lower(root, factor.T)  # root^-1 C'
-    return centre + inverse.T @ half, inverse.T
+    return [inner, root, solve_lower(root, pull)]

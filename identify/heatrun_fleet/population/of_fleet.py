@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -13,24 +12,19 @@ from typing import Any
 import numpy as np
 
 from heatrun.errors import InputError, did_you_mean
+from heatrun.io.open_file import digest
 from heatrun.model.noise import noise_parameters
 from heatrun.model.parameters import Parameter
 from heatrun.model.problem import NUM_NOISE
 from heatrun.runs.run import Run
 
 from ..job import MACHINES, MANIFEST, FleetResult
-from ..rows import FITTED, THERMAL, arrow, read_part
-from .gathered import FEWEST, Gathered, LeftOut, is_positive
+from ..results import MachineLeftOut
+from ..rows import FITTED, OF_EFFECTS, THERMAL, arrow, read_part
+from .gathered import FEWEST, Gathered, is_positive
 
 Row = Mapping[str, Any]
-
-COLUMNS = (
-    "machine", "type", "covariates", "status", "findings", "model", "is_converged", "result",
-    "parameters", "parameter_units", "transforms", "log_mean", "log_covariance", "prior_mean",
-    "prior_sd", "noise", "noise_units", "noise_log_mean", "noise_log_covariance",
-    "noise_prior_mean", "noise_prior_sd",
-)  # fmt: skip
-"""What a population is made of."""
+Texts = tuple[str, ...]
 
 LONGEST_REASON = 300
 """Letters of a reason; all of it stands in the fleet's rows."""
@@ -43,7 +37,7 @@ class FleetRows:
     Attributes:
         path: The file.
         name: Of the fleet; empty if it is not known.
-        rows: With the columns of `COLUMNS`.
+        rows: Without what they say of effects.
         sha256: Of the file.
     """
 
@@ -78,12 +72,13 @@ def read_fleet(source: FleetResult | str | Path) -> FleetRows:
         InputError: If there is no such file, or it is none that heatrun wrote.
     """
     arrow()
+    of_effects = [name for name, _, _, _ in OF_EFFECTS]
     path = source.path if isinstance(source, FleetResult) else Path(source)
     path = path / MACHINES if path.is_dir() else path
     remedy = "Give the folder that `heatrun fleet` wrote."
     try:
         table = read_part(path)
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        sha256 = digest(path)
     except FileNotFoundError:
         raise InputError(f"Found no {path}.", remedy=remedy) from None
     except (OSError, ValueError) as error:  # pyarrow's errors are kinds of these
@@ -92,16 +87,15 @@ def read_fleet(source: FleetResult | str | Path) -> FleetRows:
             where=str(path),
             remedy=remedy,
         ) from None
-    rows = table.select(list(COLUMNS)).to_pylist()
-    return FleetRows(path, _fleet_name(path.parent), tuple(rows), digest)
+    try:
+        name = str(json.loads((path.parent / MANIFEST).read_bytes())["fleet"])
+    except (OSError, ValueError, KeyError, TypeError):
+        name = ""
+    return FleetRows(path, name, tuple(table.drop_columns(of_effects).to_pylist()), sha256)
 
 
 def gathered_of_fleet(fleet: FleetRows, type: str) -> Gathered:
     """Return the machines of a type, with those that cannot count left out and named.
-
-    Args:
-        fleet: The rows.
-        type: One of `fleet.types`.
 
     Raises:
         InputError: If there is no such type.
@@ -116,68 +110,63 @@ def gathered_of_fleet(fleet: FleetRows, type: str) -> Gathered:
         )
     reasons = {row["machine"]: _unusable(row) for row in own}
     usable = [row for row in own if not reasons[row["machine"]]]
-    form = Counter(_form(row) for row in usable).most_common(1)
-    names, units, transforms, model = form[0][0] if form else ((), (), (), "")
+    (form, _), *_ = Counter(map(_form, usable)).most_common(1) or [(((), (), (), ""), 0)]
     for row in usable:
-        if _form(row) != (names, units, transforms, model):
-            reasons[row["machine"]] = _of_other_form(row, names, model)
+        if _form(row) != form:
+            reasons[row["machine"]] = _of_other_form(row, form)
     used = [row for row in usable if not reasons[row["machine"]]]
-    size = len(names)
-    columns = dict.fromkeys(name for row in own for name, _ in row["covariates"] or ())
     said = [dict(row["covariates"] or ()) for row in used]
-    return Gathered(
-        tuple(row["machine"] for row in used),
-        names,
-        units,
-        transforms,
-        _stacked(used, "log_mean", (size,)),
-        _stacked(used, "log_covariance", (size, size)),
-        _stacked(used, "prior_mean", (size,)),
-        _stacked(used, "prior_sd", (size,)),
-        {name: tuple(each.get(name, "") for each in said) for name in columns},
-        tuple(
-            LeftOut(row["machine"], reasons[row["machine"]]) for row in own
-            if reasons[row["machine"]]
-        ),
-        {"fleet": fleet.name, "network": model, MACHINES: fleet.sha256},
-        _noise_of(used),
-    )  # fmt: skip
-
-
-def _noise_of(rows: Sequence[Row]) -> Gathered | None:
-    """Return noise and unmodelled heat of the machines; a machine may lack a sound posterior."""
-    names = next((tuple(row["noise"]) for row in rows if row["noise"]), ())
-    size = len(names)
-    if not size:
-        return None
-    used = [
-        row for row in rows
-        if tuple(row["noise"]) == names
-        and is_positive(np.array(row["noise_log_covariance"], dtype=float), size)
-    ]  # fmt: skip
-    if not used:
-        return None
-    return Gathered(
-        tuple(row["machine"] for row in used),
-        names,
-        tuple(used[0]["noise_units"]),
-        ("log",) * size,
-        _stacked(used, "noise_log_mean", (size,)),
-        _stacked(used, "noise_log_covariance", (size, size)),
-        _stacked(used, "noise_prior_mean", (size,)),
-        _stacked(used, "noise_prior_sd", (size,)),
+    columns = dict.fromkeys(name for row in own for name, _ in row["covariates"] or ())
+    return replace(
+        _gathered(used, *form[:3]),
+        columns={name: tuple(each.get(name, "") for each in said) for name in columns},
+        left_out=tuple(MachineLeftOut(name=n, reason=why) for n, why in reasons.items() if why),
+        source={"fleet": fleet.name, "network": form[3], MACHINES: fleet.sha256},
     )
 
 
-def _form(row: Row) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...], str]:
-    texts = (tuple(row[name]) for name in ("parameters", "parameter_units", "transforms"))
-    return (*texts, row["model"])  # type: ignore[return-value]
+def _gathered(
+    rows: Sequence[Row], names: Texts, units: Texts, transforms: Texts, prefix: str = ""
+) -> Gathered:
+    """Return the laws of machines with their noise; those whose noise has no sound posterior count
+    for their parameters all the same.
+    """
+    size = len(names)
+
+    def stacked(name: str, *shape: int) -> np.ndarray:
+        return np.array([row[prefix + name] for row in rows], dtype=float).reshape(
+            len(rows), *shape
+        )
+
+    found = Gathered(
+        tuple(row["machine"] for row in rows), names, units, transforms,
+        stacked("log_mean", size), stacked("log_covariance", size, size),
+        stacked("prior_mean", size), stacked("prior_sd", size),
+    )  # fmt: skip
+    noise = next((tuple(row["noise"]) for row in rows if row["noise"]), ())
+    sound = [
+        row for row in rows if noise and not prefix and tuple(row["noise"]) == noise
+        and is_positive(np.array(row["noise_log_covariance"], dtype=float), len(noise))
+    ]  # fmt: skip
+    if not sound:
+        return found
+    of_noise = tuple(sound[0]["noise_units"]), ("log",) * len(noise)
+    return replace(found, noise=_gathered(sound, noise, *of_noise, "noise_"))
+
+
+def _form(row: Row) -> tuple[Texts, Texts, Texts, str]:
+    names, units, transforms = (
+        tuple(row[name]) for name in ("parameters", "parameter_units", "transforms")
+    )
+    return names, units, transforms, row["model"]
 
 
 def _unusable(row: Row) -> str:
     """Return why a machine cannot count; empty if it can."""
     if row["status"] != FITTED:
-        return f"{row['status']}: {_first_error(row) or row['result']}"[:LONGEST_REASON]
+        findings = json.loads(row["findings"] or "[]")
+        errors = [each["message"] for each in findings if each["severity"] == "error"]
+        return f"{row['status']}: {(*errors, row['result'])[0]}"[:LONGEST_REASON]
     if not row["is_converged"]:
         return f"not converged: {row['result']}"[:LONGEST_REASON]
     if not row["parameters"]:
@@ -189,12 +178,8 @@ def _unusable(row: Row) -> str:
     return "" if is_positive(covariance, size) else "its covariance is not positive definite"
 
 
-def _first_error(row: Row) -> str:
-    findings = json.loads(row["findings"] or "[]")
-    return next((each["message"] for each in findings if each["severity"] == "error"), "")
-
-
-def _of_other_form(row: Row, names: Sequence[str], model: str) -> str:
+def _of_other_form(row: Row, form: tuple[Texts, Texts, Texts, str]) -> str:
+    names, *_, model = form
     if row["model"] != model:
         return f"fitted with another network ({row['model']}, most with {model})"
     more = [name for name in row["parameters"] if name not in names]
@@ -202,20 +187,6 @@ def _of_other_form(row: Row, names: Sequence[str], model: str) -> str:
     parts = [f"has {', '.join(more)}" if more else "", f"lacks {', '.join(less)}" if less else ""]
     said = " and ".join(part for part in parts if part) or "others in unit or order"
     return f"other parameters than most: {said}"
-
-
-def _stacked(rows: Sequence[Row], name: str, shape: tuple[int, ...]) -> np.ndarray:
-    return np.array([row[name] for row in rows], dtype=float).reshape(len(rows), *shape)
-
-
-def _fleet_name(folder: Path) -> str:
-    try:
-        return str(json.loads((folder / MANIFEST).read_bytes())["fleet"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return ""
-
-
-Normal = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 def gathered_of_runs(runs: Sequence[Run], network: str | None = None) -> Gathered:
@@ -235,60 +206,48 @@ def gathered_of_runs(runs: Sequence[Run], network: str | None = None) -> Gathere
             f"Expected the runs of {FEWEST} machines or more, got {len(runs)}.",
             remedy="Calibrate more machines of the type; a spread cannot be told from fewer.",
         )
-    kinds = []
-    rows, noises = [], []
-    of_noise: tuple[Parameter, ...] = ()
-    for run in runs:
-        draws = run.draws(network)
-        found = {
-            place: slot.parameter
-            for place, slot in enumerate(draws.parameters.slots)
-            if slot.parameter.role in THERMAL and slot.test is None
-        }
-        own = tuple(parameter.name for parameter in found.values())
-        if kinds and own != tuple(parameter.name for parameter in kinds):
+    rows = [_row_of_run(run, network) for run in runs]
+    for run, row in zip(runs, rows, strict=True):
+        if row["parameters"] != rows[0]["parameters"]:
             raise InputError(
-                f"Expected free parameters {', '.join(p.name for p in kinds)} as in "
-                f"{runs[0].path}, got {', '.join(own)}.",
+                f"Expected free parameters {', '.join(rows[0]['parameters'])} as in "
+                f"{runs[0].path}, got {', '.join(row['parameters'])}.",
                 where=str(run.path),
                 remedy="Calibrate all machines with one network, and fix none of its parameters.",
             )
-        kinds = list(found.values())
-        rows.append(_normal(kinds, draws.vectors[:, list(found)]))
-        of_noise = noise_parameters(draws.model.adequacy)
-        noises.append(_normal(of_noise, draws.vectors[:, -NUM_NOISE:]))
-    names = [run.path.name for run in runs]
-    if len(set(names)) < len(names):
-        names = [str(run.path) for run in runs]
-    is_told = [is_positive(covariance, NUM_NOISE) for _, covariance, _, _ in noises]
-    own = [name for name, told in zip(names, is_told, strict=True) if told]
-    noises = [noise for noise, told in zip(noises, is_told, strict=True) if told]
-    return replace(
-        _gathered(names, kinds, rows),
-        source={"network": runs[0].choose(network)},
-        noise=_gathered(own, of_noise, noises) if own else None,
-    )
+    if len({row["machine"] for row in rows}) < len(rows):
+        rows = [{**row, "machine": str(run.path)} for run, row in zip(runs, rows, strict=True)]
+    form = _form(rows[0])
+    return replace(_gathered(rows, *form[:3]), source={"network": form[3]})
 
 
-def _normal(kinds: Sequence[Parameter], scores: np.ndarray) -> Normal:
-    """Return mean and covariance of draws, then centre and width of the prior, all in the space of
-    the transforms.
-    """
+def _row_of_run(run: Run, network: str | None) -> dict[str, Any]:
+    """Return what a row of a fleet says of a machine, from the draws of its run."""
+    draws = run.draws(network)
+    found = {
+        place: slot.parameter for place, slot in enumerate(draws.parameters.slots)
+        if slot.parameter.role in THERMAL and slot.test is None
+    }  # fmt: skip
+    kinds = list(found.values())
+    noise = noise_parameters(draws.model.adequacy)
+    return {
+        "machine": run.path.name,
+        "model": run.choose(network),
+        "parameters": [each.name for each in kinds],
+        "parameter_units": [each.unit for each in kinds],
+        "transforms": [each.transform for each in kinds],
+        **_law(kinds, draws.vectors[:, list(found)]),
+        "noise": [each.name for each in noise],
+        "noise_units": [each.unit for each in noise],
+        **_law(noise, draws.vectors[:, -NUM_NOISE:], "noise_"),
+    }
+
+
+def _law(kinds: Sequence[Parameter], scores: np.ndarray, prefix: str = "") -> dict[str, Any]:
+    """Return posterior and prior by draws, in the space of the transforms."""
     scale = np.array([parameter.sd for parameter in kinds])
     centre = np.array([np.log(p.centre) if p.transform == "log" else p.centre for p in kinds])
     values = centre + scale * scores
-    return values.mean(axis=0), np.cov(values.T), centre, scale
-
-
-def _gathered(names: Sequence[str], kinds: Sequence[Parameter], rows: Sequence[Normal]) -> Gathered:
-    mean, covariance, prior_mean, prior_sd = map(np.stack, zip(*rows, strict=True))
-    return Gathered(
-        tuple(names),
-        tuple(parameter.name for parameter in kinds),
-        tuple(parameter.unit for parameter in kinds),
-        tuple(parameter.transform for parameter in kinds),
-        mean,
-        covariance,
-        prior_mean,
-        prior_sd,
-    )
+    law = {"log_mean": values.mean(axis=0), "log_covariance": np.cov(values.T),
+           "prior_mean": centre, "prior_sd": scale}  # fmt: skip
+    return {prefix + name: numbers for name, numbers in law.items()}

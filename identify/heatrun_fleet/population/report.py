@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from msgspec import UNSET, UnsetType
+from msgspec import UNSET
 
 from heatrun.results.discovery import ValueWithInterval
 from heatrun.version import __version__
@@ -14,7 +15,6 @@ from heatrun.version import __version__
 from ..results import (
     POPULATION_FORMAT,
     Assumed,
-    MachineLeftOut,
     MachineParameter,
     PopulationCovariate,
     PopulationMachine,
@@ -47,13 +47,9 @@ NORMAL_95 = 1.96
 
 
 def default_hyperprior(gathered: Gathered, spread: float = SPREAD) -> Hyperprior:
-    """Return the hyperprior of the parameters in the space of their transforms.
-
-    That of a parameter which is normal by its value is in units of its calibrations' prior.
-
-    Args:
-        gathered: The machines.
-        spread: Median of the prior of the spread over machines.
+    """Return the hyperprior of the parameters in the space of their transforms, with the median of
+    the prior of the spread; for a parameter normal by its value, in units of its calibrations'
+    prior.
     """
     is_log = np.array([transform == "log" for transform in gathered.transforms])
     unit = np.where(is_log, 1.0, np.median(gathered.prior_sd, axis=0))
@@ -63,118 +59,96 @@ def default_hyperprior(gathered: Gathered, spread: float = SPREAD) -> Hyperprior
 
 
 def population_result(
-    population: Population,
     gathered: Gathered,
-    covariates: Sequence[Covariate] = (),
+    population: Population,
+    of_noise: Population | None = None,
     *,
     type_name: str = "",
-    noise: PopulationNoise | UnsetType = UNSET,
     seed: int = 0,
-    notes: Sequence[str] = (),
 ) -> PopulationResult:
     """Return what stands in `population.json`.
 
     Args:
+        gathered: The machines, with the covariates of the design, each divided by its span.
         population: Draws of the law of the parameters in the space of their transforms.
-        gathered: Its machines.
-        covariates: Columns of its design, each of which was divided by its span.
+        of_noise: Of noise and unmodelled heat, if they are known.
         type_name: Of the machines.
-        noise: From `noise_result`.
         seed: Random seed, for the record.
-        notes: What else must be known of it.
     """
-    spaces = _spaces(gathered)
-    effects = np.asarray(population.laws.effects)
+    notes, noise = list(gathered.notes), UNSET
+    over_range = _changes(population, gathered, gathered.covariates)
+    if not population.is_converged:
+        notes.append("The sampling did not converge: the intervals are indicative.")
+    if of_noise is not None and gathered.noise is not None:
+        noise = PopulationNoise(
+            **_of_both(of_noise, gathered.noise, seed),
+            covariates=_changes(of_noise, gathered.noise, gathered.covariates),
+        )
+        if not noise.is_converged:
+            notes.append(
+                "The sampling of the noise did not converge: its intervals are indicative."
+            )
     return PopulationResult(
+        **_of_both(population, gathered, seed),
         format=POPULATION_FORMAT,
         heatrun=__version__,
         type=type_name,
         source=dict(gathered.source),
-        num_machines=len(gathered.machines),
-        left_out=[
-            MachineLeftOut(name=each.machine, reason=each.reason) for each in gathered.left_out
-        ],
+        left_out=list(gathered.left_out),
         method=population.method,
         pareto_k=float(population.pareto_k) if np.isfinite(population.pareto_k) else None,
-        is_converged=bool(population.is_converged),
         seed=seed,
-        parameters=_parameters(population, spaces, seed),
-        correlation=_correlation(population),
-        outlier_share=_ranged(np.asarray(population.laws.outlier_share)),
-        covariates={
-            each.label: {
-                space.name: _ranged(space.change(effects[:, row, place] / each.span))
-                for place, space in enumerate(spaces)
-            }
-            for row, each in enumerate(covariates)
-        },
+        covariates=_changes(population, gathered, gathered.covariates, per_unit=True),
         covariate_columns={
             each.label: PopulationCovariate(
                 column=each.column, kind=each.kind, unit=each.unit, reference=each.reference,
-                first=each.low, last=each.high,
-                over_range={
-                    space.name: _ranged(space.change(effects[:, row, place]))
-                    for place, space in enumerate(spaces)
-                },
+                first=each.low, last=each.high, over_range=over_range[each.label],
             )
-            for row, each in enumerate(covariates)
+            for each in gathered.covariates
         },
-        machines=_machines(population, gathered, spaces),
-        assumed=_assumed(population, spaces),
-        notes=list(notes),
+        notes=notes,
         noise=noise,
     )  # fmt: skip
 
 
-def noise_result(
-    population: Population,
-    gathered: Gathered,
-    covariates: Sequence[Covariate] = (),
-    *,
-    seed: int = 0,
-) -> PopulationNoise:
-    """Return what stands under `noise` in `population.json`; arguments as `population_result`."""
-    spaces = _spaces(gathered)
-    effects = np.asarray(population.laws.effects)
-    return PopulationNoise(
-        num_machines=len(gathered.machines),
-        is_converged=bool(population.is_converged),
-        parameters=_parameters(population, spaces, seed),
-        correlation=_correlation(population),
-        outlier_share=_ranged(np.asarray(population.laws.outlier_share)),
-        covariates={
-            each.label: {
-                space.name: _ranged(space.change(effects[:, row, place]))
-                for place, space in enumerate(spaces)
-            }
-            for row, each in enumerate(covariates)
-        },
-        machines=_machines(population, gathered, spaces),
-        assumed=_assumed(population, spaces),
-    )
-
-
-def _spaces(gathered: Gathered) -> list[_Space]:
-    return [
-        _Space(*each)
-        for each in zip(gathered.names, gathered.units, gathered.transforms, strict=True)
-    ]
-
-
-def _correlation(population: Population) -> list[list[float]]:
-    return np.asarray(population.laws.correlation).mean(axis=0).tolist()
-
-
-def _assumed(population: Population, spaces: Sequence[_Space]) -> dict[str, Assumed]:
+def _of_both(population: Population, gathered: Gathered, seed: int) -> dict[str, Any]:
+    """Return what is said alike of the parameters and of the noise."""
+    spaces = [*map(_Space, gathered.names, gathered.units, gathered.transforms)]
     hyper = population.hyper
     return {
-        space.name: Assumed(
-            mean=float(space.value(hyper.mean[place])),
-            mean_sd=float(hyper.mean_sd[place]),
-            spread=float(hyper.spread[place]),
-            effect_sd=float(hyper.effect_sd[place]),
-        )
-        for place, space in enumerate(spaces)
+        "num_machines": len(gathered.machines),
+        "is_converged": bool(population.is_converged),
+        "parameters": _parameters(population, spaces, seed),
+        "correlation": np.asarray(population.laws.correlation).mean(axis=0).tolist(),
+        "outlier_share": _ranged(np.asarray(population.laws.outlier_share)),
+        "machines": _machines(population, gathered, spaces),
+        "assumed": {
+            space.name: Assumed(
+                mean=float(space.value(hyper.mean[place])),
+                mean_sd=float(hyper.mean_sd[place]),
+                spread=float(hyper.spread[place]),
+                effect_sd=float(hyper.effect_sd[place]),
+            )
+            for place, space in enumerate(spaces)
+        },
+    }
+
+
+def _changes(
+    population: Population, gathered: Gathered, covariates: Sequence[Covariate], *,
+    per_unit: bool = False,
+) -> dict[str, dict[str, ValueWithInterval]]:  # fmt: skip
+    """Return what each covariate does to each parameter over its range, or per unit."""
+    effects = np.asarray(population.laws.effects)
+    spaces = [*map(_Space, gathered.names, gathered.units, gathered.transforms)]
+    return {
+        each.label: {
+            space.name: _ranged(
+                space.change(effects[:, row, place] / (each.span if per_unit else 1.0))
+            )
+            for place, space in enumerate(spaces)
+        }
+        for row, each in enumerate(covariates)
     }
 
 
@@ -218,7 +192,7 @@ def _parameters(
             transform="log" if space.is_log else "linear",
             median=_ranged(space.value(mean[:, place])),
             spread=_ranged(space.change(spread[:, place])),
-            tolerance_95_95=_pair(space.value(limits.two_sided[:, place])),
+            tolerance_95_95=_pair(space.value(limits[:, place])),
             next_median=float(space.value(centre[place])),
             next_log_sd=float(sd[place]) if space.is_log else None,
             next_sd=None if space.is_log else float(sd[place]),

@@ -15,12 +15,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from scipy.optimize import minimize
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtr
 
 from heatrun.io.programs import compiled
 from heatrun.model.kernels import log_student, student
 from heatrun.posterior.ensemble import evolution
-from heatrun.posterior.weighted import pareto_smoothed
+from heatrun.posterior.weighted import pareto_smoothed, systematic
 
 from .gathered import Evidence
 from .law import OUTLIER_SCALE, Hyperprior, Law, given_machine, log_marginals, num_scores, unpack
@@ -83,14 +83,7 @@ def sample_population(
     *,
     seed: int = 0,
 ) -> Population:
-    """Return draws of the law behind the machines.
-
-    Args:
-        evidence: Of the machines.
-        hyper: What is assumed of the population.
-        design: Covariates, centred; none by default.
-        seed: Random seed.
-    """
+    """Return draws of the law behind the machines, with their covariates, centred, if there are."""
     design = np.zeros((evidence.num_machines, 0)) if design is None else np.asarray(design, float)
     num_covariates = design.shape[1]
     data = Data.of(evidence, design)
@@ -118,12 +111,7 @@ class Data(NamedTuple):
 
     @classmethod
     def of(cls, evidence: Evidence, design: Float[np.ndarray, "machine covariate"]) -> Data:
-        """Return the machines with what fills the place behind them.
-
-        Args:
-            evidence: Of the machines.
-            design: Covariates.
-        """
+        """Return the machines with what fills the place behind them."""
         num = evidence.num_machines
         step = max(FEWEST_PLACES, 2 ** (num.bit_length() - 3))
         empty = -num % step
@@ -205,10 +193,7 @@ def _importance(
         centre = weight @ scores
         apart = scores - centre
         covariance = (weight * apart.T) @ apart + 1e-12 * np.eye(mode.size)
-    # by evenly spaced quantiles: as few ties as the weights allow
-    at = (np.arange(NUM_KEPT) + rng.uniform()) / NUM_KEPT
-    picked = np.searchsorted(np.cumsum(np.exp(smoothed.log_weight)), at)
-    return scores[np.minimum(picked, NUM_PROPOSED - 1)], smoothed.pareto_k
+    return scores[systematic(np.exp(smoothed.log_weight), NUM_KEPT, rng)], smoothed.pareto_k
 
 
 def _ensemble(
@@ -239,51 +224,24 @@ def _ensemble(
     return chain[rng.choice(chain.shape[0], NUM_KEPT, replace=False)], is_converged
 
 
-@dataclass(frozen=True)
-class Limits:
-    """Tolerance limits of each parameter, in the space in which the parameters are normal.
-
-    Attributes:
-        two_sided: Interval that holds the content, shape (2, parameter).
-        lower: Limit that the content lies above, shape (parameter,).
-        upper: Limit that the content lies below, shape (parameter,).
-    """
-
-    two_sided: Float[np.ndarray, "2 parameter"]
-    lower: Float[np.ndarray, " parameter"]
-    upper: Float[np.ndarray, " parameter"]
+CONTENT = CONFIDENCE = 0.95
+"""Share of the machines that tolerance limits hold, and the probability that they do [1]."""
 
 
-def tolerance_limits(
-    population: Population, *, content: float = 0.95, confidence: float = 0.95
-) -> Limits:
-    """Return the limits that hold a share of the machines of the type, outliers left aside.
-
-    Args:
-        population: Draws of its law; covariates at their mean over the machines.
-        content: Share of the machines [1].
-        confidence: Probability that the limits hold it [1].
+def tolerance_limits(population: Population) -> Float[np.ndarray, "2 parameter"]:
+    """Return the shortest limits about the mean of each parameter, in the space in which it is
+    normal, that hold the machines of the type; outliers are left aside, covariates at their mean.
 
     Reference: K. Krishnamoorthy, T. Mathew, Statistical Tolerance Regions, Wiley, 2009, chapter 11
         (Bayesian tolerance intervals).
     """
     mean, sd = np.asarray(population.laws.mean), np.asarray(population.laws.sd)
-    above = ndtri(content)
-    return Limits(
-        two_sided=_two_sided(mean, sd, content, confidence),
-        lower=np.quantile(mean - above * sd, 1.0 - confidence, axis=0),
-        upper=np.quantile(mean + above * sd, confidence, axis=0),
-    )
-
-
-def _two_sided(mean: np.ndarray, sd: np.ndarray, content: float, confidence: float) -> np.ndarray:
-    """Return the shortest interval about the mean that holds the content at the confidence."""
     middle = mean.mean(axis=0)
     low, high = np.zeros_like(middle), 40.0 * sd.mean(axis=0) + 10.0 * mean.std(axis=0)
     for _ in range(60):
         half = 0.5 * (low + high)
         held = ndtr((middle + half - mean) / sd) - ndtr((middle - half - mean) / sd)
-        is_wide = np.mean(held >= content, axis=0) >= confidence
+        is_wide = np.mean(held >= CONTENT, axis=0) >= CONFIDENCE
         low, high = np.where(is_wide, low, half), np.where(is_wide, half, high)
     return np.stack([middle - high, middle + high])
 
@@ -297,11 +255,10 @@ class Machines:
     """The machines of a population, given all of them.
 
     Attributes:
-        mean: Of each machine's parameters, shape (machine, parameter).
-        covariance: Shape (machine, parameter, parameter).
-        outlier: Probability that the machine is none of the population, shape (machine,) [1].
+        mean: Of each machine's parameters; `covariance` likewise.
+        outlier: Probability that the machine is none of the population [1].
         distance: How far its parameters are from what is expected of it, in standard deviations
-            over machines, with what is left open added to them, shape (machine, parameter) [1].
+            over machines, with what is left open added to them [1].
     """
 
     mean: Float[np.ndarray, "machine parameter"]
@@ -321,8 +278,13 @@ def given_population(population: Population) -> Machines:
     )
     covariance = second - np.einsum("mi,mj->mij", mean, mean)
     spread = np.asarray(jnp.mean(laws.sd**2, axis=0))
-    own = np.einsum("mii->mi", _alone(population))
-    distance = (_best(population, centre) - centre) / np.sqrt(spread + own)
+    # what each machine's tests say alone, with no more of a prior than ten spreads
+    loose = np.diag(1.0 / (100.0 * np.asarray(jnp.mean(population.laws.sd**2, axis=0))))
+    alone = evidence.precision + loose
+    own = np.einsum("mii->mi", np.linalg.inv(alone))
+    pulled = evidence.information + np.einsum("ij,mj->mi", loose, centre)
+    best = np.linalg.solve(alone, pulled[..., None])[..., 0]
+    distance = (best - centre) / np.sqrt(spread + own)
     return Machines(mean, covariance, outlier, distance)
 
 
@@ -345,23 +307,6 @@ def _under(design, information, precision, law, *, has_outliers):
         moment = root @ jnp.swapaxes(root, -1, -2) + at[:, :, None] * at[:, None, :]
         second += share[:, None, None] * moment
     return mean, second, outlier, centre
-
-
-def _alone(population: Population) -> np.ndarray:
-    """Return what each machine's tests leave open, with no more of a prior than ten spreads."""
-    return np.linalg.inv(population.evidence.precision + _loose(population))
-
-
-def _best(population: Population, centre: np.ndarray) -> np.ndarray:
-    """Return what each machine's tests say alone, likewise."""
-    loose = _loose(population)
-    pulled = population.evidence.information + np.einsum("ij,mj->mi", loose, centre)
-    return np.linalg.solve(population.evidence.precision + loose, pulled[..., None])[..., 0]
-
-
-def _loose(population: Population) -> np.ndarray:
-    spread = np.asarray(jnp.mean(population.laws.sd**2, axis=0))
-    return np.diag(1.0 / (100.0 * spread))
 
 
 DRAWS_PER_LAW = 20
@@ -391,10 +336,6 @@ def next_interval(population: Population, *, seed: int = 0) -> Float[np.ndarray,
 
     Of draws of it: a law with few machines that are something else has longer tails than the normal
     law of its mean and covariance, and a narrower middle.
-
-    Args:
-        population: Draws of its law.
-        seed: Random seed.
     """
     laws, rng = population.laws, np.random.default_rng([seed, 18])
     mean, factor = np.asarray(laws.mean), np.asarray(laws.factor)

@@ -14,16 +14,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
-from msgspec import UnsetType
 
-from heatrun.io.quantities import clean, printed_unit, quantity, with_breaks
+from heatrun.io.quantities import clean, printed_unit, quantity
 from heatrun.reports.figures import COLOURS, finish, plain, save
-from heatrun.reports.pdf import typeset
+from heatrun.reports.pdf import breakable, typeset
 from heatrun.reports.printed import format_value
 from heatrun.results.discovery import ValueWithInterval
 
 from ..results import (
     Assumed,
+    MachineParameter,
     PopulationCovariate,
     PopulationMachine,
     PopulationNoise,
@@ -31,9 +31,6 @@ from ..results import (
     PopulationResult,
 )
 from .law import LKJ, OUTLIER_SCALE, OUTLIER_SHARE
-
-BREAKS_EVERY = 15
-"""Letters of a long word after which it may break."""
 
 MOST_LISTED = 40
 """Machines of a list on the sheet; all of them stand in `population.parquet`."""
@@ -51,48 +48,68 @@ FEW = 10
 
 
 def type_sheet_content(result: PopulationResult) -> dict[str, Any]:
-    """Return what the sheet says.
-
-    Args:
-        result: The population.
-    """
+    """Return what the sheet says."""
     names = list(result.parameters)
-    return _breakable(
-        {
-            "title": clean(result.type) or "Machines without a type",
-            "foot": clean(result.type)[:LONGEST_FOOT],
-            "version": f"heatrun {result.heatrun}",
-            "sentence": _sentence(result),
-            "is_sound": result.is_converged,
-            "notes": [clean(note) for note in _notes(result)],
-            "parameters": [_parameter(name, said) for name, said in result.parameters.items()],
-            "rule": RULE,
-            "outliers": [
-                _outlier(each, result.parameters) for each in _outliers(result)[:MOST_LISTED]
-            ],
-            "more_outliers": max(0, len(_outliers(result)) - MOST_LISTED),
-            **_noise(result.noise),
-            "covariates": _covariates(result),
-            "correlation_head": names,
-            "correlation": [
-                [name, *(f"{each:.2f}" for each in row)]
-                for name, row in zip(names, result.correlation, strict=True)
-            ],
-            "left_out": [
-                [clean(each.name), clean(each.reason)] for each in result.left_out[:MOST_LISTED]
-            ],
-            "more_left_out": max(0, len(result.left_out) - MOST_LISTED),
-            "method": _method(result),
-            "assumed": [
-                [name, *_assumed(said, result.parameters[name])]
-                for name, said in result.assumed.items()
+    main = _section(result)
+    noise = _section(result.noise) if result.noise else {}
+    return breakable({
+        "title": clean(result.type) or "Machines without a type",
+        "foot": clean(result.type)[:LONGEST_FOOT],
+        "version": f"heatrun {result.heatrun}",
+        "sentence": _sentence(result),
+        "is_sound": result.is_converged,
+        "notes": [clean(note) for note in _notes(result)],
+        "parameters": main["parameters"],
+        "rule": RULE,
+        "outliers": main["outliers"],
+        "more_outliers": main["more"],
+        "noise": noise.get("parameters", []),
+        "noise_rule": NOISE_RULE if noise else "",
+        "noise_outliers": noise.get("outliers", []),
+        "more_noise_outliers": noise.get("more", 0),
+        "covariates": [
+            [clean(_covariate(label, each)), _effects(each, result)]
+            for label, each in result.covariate_columns.items()
+        ],
+        "correlation_head": names,
+        "correlation": [
+            [name, *(f"{each:.2f}" for each in row)]
+            for name, row in zip(names, result.correlation, strict=True)
+        ],
+        "left_out": [
+            [clean(each.name), clean(each.reason)] for each in result.left_out[:MOST_LISTED]
+        ],
+        "more_left_out": max(0, len(result.left_out) - MOST_LISTED),
+        "method": _method(result),
+        "assumed": main["assumed"] + noise.get("assumed", []),
+    })  # fmt: skip
+
+
+def _section(part: PopulationResult | PopulationNoise) -> dict[str, Any]:
+    """Return what is said alike of the parameters and of the noise."""
+    odd = sorted(_outliers(part), key=lambda machine: -machine.outlier_probability)
+    return {
+        "parameters": [
+            [
+                name,
+                _ranged(said.median, said.unit),
+                _ranged(said.spread, said.unit) if said.transform == "linear" else
+                _percent(said.spread),
+                _between(said.tolerance_95_95, said),
+                _between(said.next_interval_95, said),
             ]
-            + ([
-                [name, *_assumed(said, result.noise.parameters[name])]
-                for name, said in result.noise.assumed.items()
-            ] if result.noise else []),
-        }
-    )  # fmt: skip
+            for name, said in part.parameters.items()
+        ],
+        "outliers": [_outlier(machine, part.parameters) for machine in odd[:MOST_LISTED]],
+        "more": max(0, len(odd) - MOST_LISTED),
+        "assumed": [
+            [name, *_assumed(said, part.parameters[name])] for name, said in part.assumed.items()
+        ],
+    }  # fmt: skip
+
+
+def _outliers(part: PopulationResult | PopulationNoise) -> list[PopulationMachine]:
+    return [machine for machine in part.machines if machine.is_outlier]
 
 
 RULE = (
@@ -110,25 +127,6 @@ NOISE_RULE = (
     "heat of another size one of the network or the instruments. The next machine takes the "
     "prior of this heat from here."
 )
-
-
-def _noise(noise: PopulationNoise | UnsetType) -> dict[str, Any]:
-    """Return the section on noise and unmodelled heat; empty lists where they are not known."""
-    if not noise:
-        return {"noise": [], "noise_rule": "", "noise_outliers": [], "more_noise_outliers": 0}
-    odd = _outliers(noise)
-    return {
-        "noise": [_parameter(name, said) for name, said in noise.parameters.items()],
-        "noise_rule": NOISE_RULE,
-        "noise_outliers": [_outlier(each, noise.parameters) for each in odd[:MOST_LISTED]],
-        "more_noise_outliers": max(0, len(odd) - MOST_LISTED),
-    }
-
-
-def _outliers(result: PopulationResult | PopulationNoise) -> list[PopulationMachine]:
-    """Return the machines that do not fit, the surest first."""
-    found = [machine for machine in result.machines if machine.is_outlier]
-    return sorted(found, key=lambda machine: -machine.outlier_probability)
 
 
 def _sentence(result: PopulationResult) -> str:
@@ -163,23 +161,6 @@ def _notes(result: PopulationResult) -> list[str]:
     return notes
 
 
-def _parameter(name: str, said: PopulationParameter) -> list[str]:
-    return [
-        name,
-        _ranged(said.median, said.unit),
-        spread_words(said),
-        _between(said.tolerance_95_95, said),
-        _between(said.next_interval_95, said),
-    ]
-
-
-def spread_words(said: PopulationParameter) -> str:
-    """Return the spread over machines as it is printed: a percentage, or in the unit."""
-    if said.transform == "linear":
-        return _ranged(said.spread, said.unit)
-    return _percent(said.spread)
-
-
 def _ranged(entry: ValueWithInterval, unit: str) -> str:
     low, high = entry.interval_95
     half = 0.5 * (high - low)
@@ -188,13 +169,10 @@ def _ranged(entry: ValueWithInterval, unit: str) -> str:
 
 
 def _between(ends: tuple[float, float], said: PopulationParameter) -> str:
-    low, high = ends
-    unit = said.unit
-    if not said.tells((low, high)):
+    if not said.tells(ends):
         return "not determined"
-    half = 0.5 * (high - low)
-    texts = [format_value(end, half)[0] for end in ends]
-    return quantity(f"{texts[0]} … {texts[1]}", unit)
+    low, high = (format_value(end, 0.5 * (ends[1] - ends[0]))[0] for end in ends)
+    return quantity(f"{low} … {high}", said.unit)
 
 
 def _percent(entry: ValueWithInterval, *, is_signed: bool = False) -> str:
@@ -213,7 +191,9 @@ def _percent(entry: ValueWithInterval, *, is_signed: bool = False) -> str:
 def _outlier(
     machine: PopulationMachine, parameters: Mapping[str, PopulationParameter]
 ) -> list[str]:
-    what = [_difference(name, machine, parameters) for name in machine.different]
+    what = [
+        _difference(name, machine.parameters[name], parameters[name]) for name in machine.different
+    ]
     return [
         clean(machine.name),
         f"{machine.outlier_probability:.2f}",
@@ -221,28 +201,17 @@ def _outlier(
     ]
 
 
-def _difference(
-    name: str, machine: PopulationMachine, parameters: Mapping[str, PopulationParameter]
-) -> str:
-    own, said = machine.parameters[name], parameters[name]
-    far = own.distance_sd
-    side = "above" if far > 0.0 else "below"
+def _difference(name: str, own: MachineParameter, said: PopulationParameter) -> str:
     median = said.median.value
-    if said.transform == "log" and median > 0.0 and own.value > MANY_TIMES * median:
-        times = own.value / median
-        return f"{name} {times:.2g} times the median ({abs(far):.0f} standard deviations)"
-    if said.transform == "log" and median > 0.0:
-        by = f"{abs(100.0 * (own.value / median - 1.0)):.0f} %"
+    side = "above" if own.distance_sd > 0.0 else "below"
+    if said.transform != "log" or median <= 0.0:
+        off = format_value(abs(own.value - median), abs(median))[0]
+        by = f"{quantity(off, said.unit)} {side}"
+    elif own.value > MANY_TIMES * median:
+        by = f"{own.value / median:.2g} times"
     else:
-        by = quantity(format_value(abs(own.value - median), abs(median))[0], said.unit)
-    return f"{name} {by} {side} the median ({abs(far):.0f} standard deviations)"
-
-
-def _covariates(result: PopulationResult) -> list[list[str]]:
-    return [
-        [clean(_covariate(label, each)), _effects(each, result)]
-        for label, each in result.covariate_columns.items()
-    ]
+        by = f"{abs(100.0 * (own.value / median - 1.0)):.0f} % {side}"
+    return f"{name} {by} the median ({abs(own.distance_sd):.0f} standard deviations)"
 
 
 def _covariate(label: str, said: PopulationCovariate) -> str:
@@ -261,20 +230,14 @@ def _effects(said: PopulationCovariate, result: PopulationResult) -> str:
         size = _percent(entry, is_signed=True) if is_log else _ranged(entry, parameter.unit)
         is_sure = low > 0.0 or high < 0.0
         (sure if is_sure else open_ones).append(f"{name} {size}")
-    parts = []
-    if sure:
-        parts.append(f"Changes {'; '.join(sure)}.")
-    if open_ones:
-        parts.append(f"Not significantly different from zero: {'; '.join(open_ones)}.")
-    return " ".join(parts)
+    parts = (("Changes", sure), ("Not significantly different from zero:", open_ones))
+    return " ".join(f"{words} {'; '.join(names)}." for words, names in parts if names)
 
 
 def _method(result: PopulationResult) -> list[list[str]]:
     share = result.outlier_share
-    drawn = {
-        "importance": f"importance sampling (Pareto k {_number(result.pareto_k)})",
-        "emcee": "MCMC (emcee)",
-    }[result.method]
+    k = "–" if result.pareto_k is None else f"{result.pareto_k:.2f}"
+    drawn = {"importance": f"importance sampling (Pareto k {k})", "emcee": "MCMC (emcee)"}
     return [
         ["Method", "Two stages (Lunn et al. 2013): each machine is calibrated by itself; its "
          "posterior as a normal law, with the prior of its calibration divided out, is the datum "
@@ -287,7 +250,7 @@ def _method(result: PopulationResult) -> list[list[str]]:
          f"({100 * share.interval_95[0]:.1f} … {100 * share.interval_95[1]:.1f}) of the type are "
          "such. A machine is called one where that is more probable than not; a parameter is named "
          "where it is more than 3 standard deviations from what is expected."],
-        ["Draws", f"{drawn}, seed {result.seed}; "
+        ["Draws", f"{drawn[result.method]}, seed {result.seed}; "
          f"{'converged' if result.is_converged else 'NOT converged: intervals are indicative'}."],
         ["Assumed", f"Share of machines that do not fit: logistic-normal with median "
          f"{100 * OUTLIER_SHARE:.0f} % (0.4 … 19 %). Correlations: LKJ({LKJ:.0f}). Medians, "
@@ -312,19 +275,6 @@ def _assumed(said: Assumed, parameter: PopulationParameter) -> list[str]:
         f"{100 * said.spread:.0f} % (median; half-Cauchy)",
         f"± {100 * said.effect_sd:.0f} % (sd)",
     ]
-
-
-def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.2f}"
-
-
-def _breakable(value: Any) -> Any:
-    """Return texts whose long words may break, at any depth of lists and objects."""
-    if isinstance(value, str):
-        return with_breaks(value, BREAKS_EVERY)
-    if isinstance(value, dict):
-        return {key: _breakable(item) for key, item in value.items()}
-    return [_breakable(item) for item in value] if isinstance(value, list) else value
 
 
 ALONE, GIVEN, OTHER = "0.62", COLOURS["second"], COLOURS["first"]
@@ -359,11 +309,7 @@ def type_figures(result: PopulationResult) -> list[Figure]:
 
 
 def shown_machines(machines: Sequence[PopulationMachine]) -> list[PopulationMachine]:
-    """Return the machines that are drawn, in their order.
-
-    Args:
-        machines: All of them.
-    """
+    """Return the machines that are drawn, in their order."""
     if len(machines) <= MOST_MACHINES:
         return list(machines)
     every = -(-len(machines) // MOST_MACHINES)
@@ -429,12 +375,8 @@ def _panel(
 
 
 def _frame(axis: Axes, ends: np.ndarray, values: np.ndarray) -> None:
-    """Show what is given all machines; what is far off is cut: a short test, or too few machines.
-
-    Args:
-        axis: The panel.
-        ends: Ends of intervals.
-        values: What must be seen.
+    """Show the values, and of the ends of intervals what is not far off, as by a short test or too
+    few machines.
     """
     low, high = float(values.min()), float(values.max())
     reach = MOST_ROOM * max(high - low, 0.1 * abs(high))
@@ -480,12 +422,7 @@ TEMPLATE = resources.files("heatrun_fleet.population") / "type.typ"
 
 
 def write_type_sheet(result: PopulationResult, path: Path) -> Path:
-    """Draw the figures of a type and set its sheet as PDF.
-
-    Args:
-        result: The population.
-        path: Where it goes; written whole or not at all.
-    """
+    """Draw the figures of a type and set its sheet as PDF, written whole or not at all."""
     content = type_sheet_content(result)
     num = len(shown_machines(result.machines))
     thinned = "" if num == len(result.machines) else (

@@ -12,7 +12,7 @@ from functools import cache
 from typing import Any
 
 from ..results import PopulationMachine, PopulationResult
-from ..rows import LIST, Column, arrow, arrow_schema
+from ..rows import LIST, Column, arrow, arrow_schema, empty_row
 
 FORMAT = "heatrun-population-rows/2"
 
@@ -65,61 +65,48 @@ def schema() -> Any:
 
 
 def table_of(result: PopulationResult) -> Any:
-    """Return the rows as an Arrow table: machines that count first, then those left out.
-
-    Args:
-        result: The population.
-    """
-    empty = {name: [] if kind.startswith("list") else None for name, kind, _, _ in COLUMNS}
+    """Return the rows as an Arrow table: machines that count first, then those left out."""
     noise = {each.name: each for each in result.noise.machines} if result.noise else {}
-    rows = [
-        {**empty, **_row(machine, result), **_noise_row(noise.get(machine.name), result)}
-        for machine in result.machines
-    ]
+    rows = []
+    for machine in result.machines:
+        row = {
+            "machine": machine.name,
+            "status": USED,
+            "reason": "",
+            "outlier_probability": machine.outlier_probability,
+            "is_outlier": machine.is_outlier,
+            "different": machine.different,
+            "clipped": machine.clipped,
+            "parameters": list(machine.parameters),
+            **_values(machine),
+            "parameter_units": [result.parameters[name].unit for name in machine.parameters],
+            "transforms": [result.parameters[name].transform for name in machine.parameters],
+        }
+        if result.noise and (own := noise.get(machine.name)):
+            kinds = result.noise.parameters
+            row |= {f"noise_{k}": v for k, v in _values(own).items()} | {
+                "noise": list(own.parameters),
+                "noise_units": [kinds[name].unit for name in own.parameters],
+                "noise_outlier_probability": own.outlier_probability,
+                "noise_different": own.different,
+            }
+        rows.append(row)
     rows += [
-        {**empty, "machine": each.name, "type": result.type, "status": LEFT_OUT,
-         "reason": each.reason}
+        {"machine": each.name, "status": LEFT_OUT, "reason": each.reason}
         for each in result.left_out
-    ]  # fmt: skip
-    return arrow().Table.from_pylist(rows, schema=schema())
+    ]
+    of_type, empty = {"type": result.type}, empty_row(COLUMNS)
+    return arrow().Table.from_pylist([empty | of_type | row for row in rows], schema=schema())
 
 
-def _row(machine: PopulationMachine, result: PopulationResult) -> dict[str, Any]:
-    own = machine.parameters
-    kinds = [result.parameters[name] for name in own]
+def _values(machine: PopulationMachine) -> dict[str, Any]:
+    own = machine.parameters.values()
     return {
-        "machine": machine.name,
-        "type": result.type,
-        "status": USED,
-        "reason": "",
-        "outlier_probability": machine.outlier_probability,
-        "is_outlier": machine.is_outlier,
-        "different": machine.different,
-        "clipped": machine.clipped,
-        "parameters": list(own),
-        "parameter_units": [each.unit for each in kinds],
-        "transforms": [each.transform for each in kinds],
-        "alone_values": [each.alone_value for each in own.values()],
-        "alone_low_95": [each.alone_interval_95[0] for each in own.values()],
-        "alone_high_95": [each.alone_interval_95[1] for each in own.values()],
-        "given_values": [each.value for each in own.values()],
-        "given_low_95": [each.interval_95[0] for each in own.values()],
-        "given_high_95": [each.interval_95[1] for each in own.values()],
-        "distance_sd": [each.distance_sd for each in own.values()],
-    }
-
-
-def _noise_row(machine: PopulationMachine | None, result: PopulationResult) -> dict[str, Any]:
-    if machine is None or not result.noise:
-        return {}
-    own = machine.parameters
-    return {
-        "noise": list(own),
-        "noise_units": [result.noise.parameters[name].unit for name in own],
-        "noise_alone_values": [each.alone_value for each in own.values()],
-        "noise_given_values": [each.value for each in own.values()],
-        "noise_given_low_95": [each.interval_95[0] for each in own.values()],
-        "noise_given_high_95": [each.interval_95[1] for each in own.values()],
-        "noise_outlier_probability": machine.outlier_probability,
-        "noise_different": machine.different,
+        "alone_values": [each.alone_value for each in own],
+        "alone_low_95": [each.alone_interval_95[0] for each in own],
+        "alone_high_95": [each.alone_interval_95[1] for each in own],
+        "given_values": [each.value for each in own],
+        "given_low_95": [each.interval_95[0] for each in own],
+        "given_high_95": [each.interval_95[1] for each in own],
+        "distance_sd": [each.distance_sd for each in own],
     }

@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from heatrun.errors import InputError
+from heatrun.io.quantities import printed_unit, rounded
 from heatrun.results import from_json
 from heatrun.version import __version__
 
-from ..results import (
-    FleetDiscoveryResult,
-    FleetVerdict,
-    LeftOutOfDiscovery,
-    SharedEffect,
-    TypeDiscovery,
-)
-from ..rows import OF_EFFECTS, evidence_in
-from .pooled import Evidence, pool
-from .search import FEWEST, Search, search
+from ..results import FleetDiscoveryResult, LeftOutOfDiscovery, SharedEffect, TypeDiscovery
+from ..rows import FITTED, OF_EFFECTS, Row, evidence_in
+from .pooled import Evidence
+from .search import ALONE, FEWEST, LEVEL, discover_type
 
 NAME = "fleet_discovery.json"
-
-LEVEL = 0.05
-"""Probability of finding anything in a fleet without effects, over all its types [1]."""
 
 NEEDED = ("machine", "type", "status", "is_converged", "parameters",
           *(name for name, _, _, _ in OF_EFFECTS))  # fmt: skip
@@ -40,12 +30,17 @@ def discover_fleet(rows: Path, fleet: str, *, seed: int = 0) -> FleetDiscoveryRe
     """
     from pyarrow.parquet import ParquetFile
 
-    types: dict[str, _Type] = {}
+    types: dict[str, tuple[list[Evidence], set[str], list[LeftOutOfDiscovery]]] = {}
     with ParquetFile(rows) as file:
         for number in range(file.num_row_groups):
             for row in file.read_row_group(number, columns=list(NEEDED)).to_pylist():
-                types.setdefault(row["type"] or "", _Type()).add(row)
-    large = sum(len(each.machines) >= FEWEST for each in types.values())
+                evidence, thermal, left_out = types.setdefault(row["type"] or "", ([], set(), []))
+                if reason := _why_not(row):
+                    left_out.append(LeftOutOfDiscovery(machine=row["machine"], reason=reason))
+                else:
+                    evidence.append(evidence_in(row))
+                    thermal |= set(row["parameters"])
+    large = sum(len(evidence) >= FEWEST for evidence, _, _ in types.values())
     level = LEVEL / max(1, large)
     return FleetDiscoveryResult(
         format="heatrun-fleet-discovery/1",
@@ -53,15 +48,21 @@ def discover_fleet(rows: Path, fleet: str, *, seed: int = 0) -> FleetDiscoveryRe
         fleet=fleet,
         level=LEVEL,
         seed=seed,
-        types=[each.discovery(name, level, seed) for name, each in types.items()],
+        types=[discover_type(name, *own, level=level, seed=seed) for name, own in types.items()],
     )
+
+
+def _why_not(row: Row) -> str:
+    """Return why a machine takes no part; empty if it does."""
+    if row["status"] != FITTED:
+        return row["status"]
+    if not row["is_converged"]:
+        return "the fit did not converge"
+    return "" if row["effects"] else "no effect could be told from its tests"
 
 
 def read_discovery(folder: Path) -> FleetDiscoveryResult:
     """Return what stands in the folder of a fleet.
-
-    Args:
-        folder: Of the fleet.
 
     Raises:
         InputError: If there is none, or it cannot be read.
@@ -77,114 +78,57 @@ def read_discovery(folder: Path) -> FleetDiscoveryResult:
     return from_json(content, FleetDiscoveryResult, NAME, str(folder))
 
 
-class _Type:
-    """The machines of a type as they are read."""
-
-    def __init__(self) -> None:
-        self.machines: list[str] = []
-        self.evidence: list[Evidence] = []
-        self.thermal: set[str] = set()
-        self.left_out: list[LeftOutOfDiscovery] = []
-
-    def add(self, row: Mapping[str, Any]) -> None:
-        evidence = evidence_in(row) if row["status"] == "fitted" else None
-        reason = ""
-        if row["status"] != "fitted":
-            reason = row["status"]
-        elif not row["is_converged"]:
-            reason = "the fit did not converge"
-        elif evidence is None:
-            reason = "no effect could be told from its tests"
-        if reason or evidence is None:
-            self.left_out.append(LeftOutOfDiscovery(machine=row["machine"], reason=reason))
-            return
-        self.machines.append(row["machine"])
-        self.evidence.append(evidence)
-        self.thermal |= set(row["parameters"])
-
-    def discovery(self, name: str, level: float, seed: int) -> TypeDiscovery:
-        if len(self.machines) < FEWEST:
-            return TypeDiscovery(
-                type=name, verdict="too_few",
-                sentence=f"Effects that machines share are sought from {FEWEST} machines on; "
-                f"{len(self.machines)} can be used.",
-                effects=[], traces=[], critical=None, num_machines=len(self.machines), num_alone=0,
-                left_out=self.left_out, screened=[],
-            )  # fmt: skip
-        return discover_type(name, self.machines, self.evidence, self.thermal, self.left_out,
-                             level=level, seed=seed)  # fmt: skip
+MOST_NAMED = 5
+"""Machines that are named; all stand in the file."""
 
 
-def discover_type(
-    name: str,
-    machines: Sequence[str],
-    evidence: Sequence[Evidence],
-    thermal: set[str],
-    left_out: Sequence[LeftOutOfDiscovery] = (),
-    *,
-    level: float = LEVEL,
-    seed: int = 0,
-) -> TypeDiscovery:
-    """Return the effects that machines of a type share.
-
-    Args:
-        name: Of the type.
-        machines: Name of each, `FEWEST` or more.
-        evidence: Of each.
-        thermal: Names of the parameters of the network and its known effects.
-        left_out: Machines that take no part.
-        level: Probability of finding anything where there is nothing [1].
-        seed: Of what is drawn.
-    """
-    whole = pool(machines, evidence)
-    instruments = [n for n in whole.parameters if n not in thermal and "_start[" not in n]
-    found = search(whole, instruments, level, seed)
-    verdict, sentence = _verdict(found, len(machines))
-    return TypeDiscovery(
-        type=name,
-        verdict=verdict,
-        sentence=sentence,
-        effects=found.effects,
-        traces=found.traces,
-        critical=found.critical,
-        num_machines=len(machines),
-        num_alone=found.num_alone,
-        left_out=list(left_out),
-        screened=found.screened,
-    )
+def discovery_text(found: FleetDiscoveryResult) -> str:
+    """Return what the machines of each type share, as text for the terminal."""
+    return "\n\n".join("\n".join(_type(each)) for each in found.types)
 
 
-def _verdict(found: Search, num: int) -> tuple[FleetVerdict, str]:
-    if not found.effects and found.is_left:
-        return "unexplained", (
-            f"The {num} machines share something that no effect of the catalogue explains at a "
-            "plausible size."
-        )
-    if not found.effects:
-        seen = f" {len(found.traces)} too small to matter." if found.traces else ""
-        return "nothing_found", (
-            f"No effect that matters is shared by the {num} machines, as far as their tests "
-            f"together can show.{seen}"
-        )
-    names = " and ".join(_words(each) for each in found.effects)
-    if found.is_left:
-        return "unexplained", (
-            f"The {num} machines share something that the catalogue does not explain: {names} "
-            "helps, and more is left, so no cause is claimed."
-        )
-    if any(not each.is_beyond_instruments for each in found.effects):
-        return "instrument", (
-            f"The {num} machines share {names}, or an instrument of their bench is off: no number "
-            "of machines tells the two apart."
-        )
-    if any(each.equivalents for each in found.effects):
-        return "ambiguous", (
-            f"The {num} machines share {names}; their tests together do not say which."
-        )
-    return "named", f"The {num} machines share {names}."
+def _type(found: TypeDiscovery) -> list[str]:
+    lines = [f"{'Type ' + found.type if found.type else 'All machines'}: {found.sentence}"]
+    for effect in found.effects:
+        lines += _effect(effect)
+    for effect in found.traces:
+        lines.append(f"  trace: {effect.id}, {rounded(effect.visible_K.value, 2)} K")
+    seen = sorted(e.could_show_K for e in found.screened if e.could_show_K is not None)
+    if found.effects:
+        lines.append(f"  {found.num_alone} of {found.num_machines} machines would show something "
+                     f"by their own tests alone; {rounded(ALONE * found.num_machines, 2)} would "
+                     "by chance")  # fmt: skip
+    elif seen:
+        lines.append(f"  half of the catalogue would have been seen from "
+                     f"{rounded(seen[len(seen) // 2], 2)} K on")  # fmt: skip
+    if found.left_out:
+        names = ", ".join(f"{each.machine} ({each.reason})" for each in found.left_out[:MOST_NAMED])
+        others = len(found.left_out) - MOST_NAMED
+        lines.append(f"  without {names}{f' and {others} more' if others > 0 else ''}")
+    return lines
 
 
-def _words(effect: SharedEffect) -> str:
-    if not effect.equivalents:
-        return effect.id
-    return f"one of {', '.join([effect.id, *effect.equivalents])}"
+def _effect(effect: SharedEffect) -> list[str]:
+    unit = printed_unit(effect.unit)
+    low, high = effect.size.interval_95
+    shape = ", ".join(f"{name} = {rounded(value, 3)}" for name, value in effect.shape.items())
+    lines = [
+        f"  {effect.id}: {effect.parameter} = {rounded(effect.size.value, 3)} {unit}".rstrip()
+        + f" ({rounded(low, 3)} … {rounded(high, 3)}){' with ' + shape if shape else ''}",
+        f"    leaves {rounded(effect.visible_K.value, 2)} K "
+        f"({rounded(effect.visible_K.interval_95[0], 2)} … "
+        f"{rounded(effect.visible_K.interval_95[1], 2)} K) of a refitted network; by chance with "
+        f"p = {rounded(effect.familywise_p, 2)} over all effects; {effect.num_machines} machines",
+    ]
+    if effect.spread > 0.0:
+        lines.append(f"    from machine to machine by {rounded(effect.spread, 2)} {unit}".rstrip())
+    if effect.equivalents:
+        lines.append(f"    not told apart from {', '.join(effect.equivalents)}")
+    for rival in effect.instruments:
+        lines.append(f"    or {rival.name} off, for all machines, by "
+                     f"{rounded(abs(rival.stated_sds), 2)} times its stated standard "
+                     "deviation")  # fmt: skip
+    if not effect.is_beyond_instruments:
+        lines.append("    not claimed: instruments off three times as far as stated would do")
+    lines.append(f"    what would tell: {effect.separating_test}")
+    return lines

@@ -27,14 +27,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from heatrun.effects.engine import Engine, placed
 from heatrun.effects.found import with_catalogue
 from heatrun.fit.fit_result import Fit
 from heatrun.model.catalogue import all_effects
-from heatrun.model.parameters import EVENT, amplitudes, qualified
+from heatrun.model.parameters import EVENT, amplitudes, effect_parameters, qualified
 from heatrun.model.problem import Problem
+from lptn.effects import AbstractEffect, Quantity
 
 SETTINGS = (0.0, -1.0, 1.0)
 """Scores of the shape parameters that an effect is tried with, all of them alike [1]."""
@@ -85,9 +86,9 @@ def evidence_of(fit: Fit) -> Evidence:
     motor, tests = problem.motor, problem.tests
     found, extended = with_catalogue(problem.model, motor, tests, kinds)
     engine = Engine(Problem.of(extended, motor, tests, searched=found.kinds))
+    engine = engine.with_loggers(problem.loggers)
     if problem.heat is not None:
         engine = engine.with_heat(problem.heat)
-    engine = engine.with_loggers(problem.loggers)
     z, _ = placed(engine, fit)
     labels, scale, columns = _signatures(engine, np.nan_to_num(z))
     jacobian, residual = np.concatenate(fit.jacobian), np.concatenate(fit.residual)
@@ -123,30 +124,30 @@ def _signatures(engine: Engine, z: np.ndarray) -> tuple[list[str], list[float], 
     """
     by_kind = []
     for kind in engine.kinds.values():
-        if engine.find(qualified(kind, amplitudes(kind)[0])) is None:
-            continue  # known to be there
         strong = amplitudes(kind)
-        slots = {name: engine.find(qualified(kind, name)) for name in kind.card.parameters}
-        free = {name: slot for name, slot in slots.items() if slot is not None}
+        if engine.find(qualified(kind, strong[0])) is None:
+            continue  # known to be there
+        found = {name: engine.find(qualified(kind, name)) for name in kind.card.parameters}
+        free = {name: slot for name, slot in found.items() if slot is not None}
         shape = {name: slot for name, slot in free.items() if name not in strong}
-        by_kind.append((kind, [n for n in free if n in strong], free, shape))
+        by_kind.append((kind, {n: s for n, s in free.items() if n in strong}, shape))
     labels: list[str] = []
     scales: list[float] = []
     columns: list[np.ndarray] = []
     for number, setting in enumerate(SETTINGS):
         at = z.copy()
-        tried = [each for each in by_kind if not number or each[3]]
-        for _, _, _, shape in tried:
+        tried = [each for each in by_kind if not number or each[2]]
+        for _, _, shape in tried:
             at[list(shape.values())] = setting
-        order = [free[name] for _, strong, free, _ in tried for name in strong]
+        order = [slot for _, strong, _ in tried for slot in strong.values()]
         _, slopes = engine.linearise(at, order)
-        for kind, strong, free, shape in tried:
+        columns += list(slopes.T)
+        for kind, strong, shape in tried:
             values = {name: float(engine.slots[slot].parameter.value(at[slot]))
                       for name, slot in shape.items()}  # fmt: skip
-            for name in strong:
+            for name, slot in strong.items():
                 labels.append(_label(qualified(kind, name), values))
-                scales.append(engine.slots[free[name]].parameter.sd)
-                columns.append(slopes[:, order.index(free[name])])
+                scales.append(engine.slots[slot].parameter.sd)
     return labels, scales, np.stack(columns, axis=1)
 
 
@@ -163,58 +164,115 @@ CHUNK = 250
 FREE = 1e-9
 """Precision of a parameter that nothing is known of [1]."""
 
+BEYOND = 1.5
+"""Largest plausible amplitude over that of the catalogue [1]."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """An amplitude at a setting of its shape.
+
+    Attributes:
+        label: As in `Evidence.effects`.
+        kind: The effect.
+        quantity: The amplitude's range and unit in a machine of this size.
+        scale: Amplitude at a score of one [its unit].
+    """
+
+    label: str
+    kind: type[AbstractEffect]
+    quantity: Quantity
+    scale: float
+
+    @classmethod
+    def of(cls, label: str, scale: float, catalogue: Mapping[str, type[AbstractEffect]]) -> Column:
+        """Return what a label stands for, given its scale and the effects by id."""
+        name = label.partition("|")[0]
+        id, _, parameter = name.partition(".")
+        kind = catalogue[id]
+        own = next(p for p in effect_parameters([kind], 1.0, [kind]) if p.name == name)
+        usual, larger = kind.card.parameters[parameter], scale / own.sd
+        null = usual.null or 0.0
+        low, high = (null + larger * (end - null) for end in (usual.low, usual.high))
+        return cls(label, kind, usual._replace(low=low, high=high), scale)
+
+    @property
+    def id(self) -> str:
+        """Id of the effect."""
+        return self.kind.card.id
+
+    @property
+    def null(self) -> float:
+        """The amplitude where the effect is absent."""
+        return self.quantity.null or 0.0
+
+    @property
+    def is_two_sided(self) -> bool:
+        """Whether the amplitude may have either sign."""
+        return self.quantity.low < self.null < self.quantity.high
+
+    def is_plausible(self, score: float) -> bool:
+        """Whether the amplitude of a score is one that a machine may have."""
+        low = min(self.quantity.low - self.null, 0.0)
+        return BEYOND * low <= self.scale * score <= BEYOND * (self.quantity.high - self.null)
+
 
 @dataclass(frozen=True)
 class Pool:
     """The evidence of machines, in one order of parameters and effects.
 
     Attributes:
-        machines: Name of each.
-        parameters: Shared parameters.
-        effects: Amplitudes, each with the setting of its shape.
-        scale: Of each effect, its amplitude at a score of one.
+        parameters: Shared parameters; the effects stand behind them.
+        columns: The effects, each with the setting of its shape.
         score: As `Evidence`, shape (machine, all); zero for what a machine does not have.
         information: Likewise, shape (machine, all, all).
         visible_K: Shape (machine, effect); not a number where a machine could not show it.
     """
 
-    machines: tuple[str, ...]
     parameters: tuple[str, ...]
-    effects: tuple[str, ...]
-    scale: Float[np.ndarray, " effect"]
+    columns: tuple[Column, ...]
     score: Float[np.ndarray, "machine all"]
     information: Float[np.ndarray, "machine all all"]
     visible_K: Float[np.ndarray, "machine effect"]
 
-    @property
-    def num_parameters(self) -> int:
-        """Number of shared parameters; the effects stand behind them."""
-        return len(self.parameters)
+    def given(
+        self, accepted: Sequence[int], precision: np.ndarray | None = None
+    ) -> tuple[list[int], np.ndarray]:
+        """Return places and precision of the shared parameters and of accepted effects.
+
+        Args:
+            accepted: Effects, by their places.
+            precision: Of what is known of each shared parameter's score [1]; 1 by default.
+        """
+        num = len(self.parameters)
+        known = np.ones(num) if precision is None else precision
+        places = [*range(num), *(num + each for each in accepted)]
+        return places, np.concatenate([known, np.full(len(accepted), FREE)])
+
+    def one_sided(self, values: Float[np.ndarray, "... effect"]) -> np.ndarray:
+        """Return statistics so that large ones speak for an effect."""
+        both = np.array([each.is_two_sided for each in self.columns])
+        return np.where(both, np.abs(values), values)
 
 
-def pool(machines: Sequence[str], evidence: Sequence[Evidence]) -> Pool:
+def pool(evidence: Sequence[Evidence]) -> Pool:
     """Return the evidence of machines in one order, effects as large as in the median machine.
 
     What is usual of an effect goes with the size of a machine, of which the tests of each give
     another estimate. So one setting has values that differ a little from machine to machine.
-
-    Args:
-        machines: Name of each.
-        evidence: Of each.
     """
     parameters = tuple(dict.fromkeys(name for each in evidence for name in each.parameters))
     own = [_numbered(each.effects) for each in evidence]
-    effects = tuple(dict.fromkeys(setting for each in own for setting in each))
-    found: dict[tuple[str, int], list[tuple[str, float]]] = {each: [] for each in effects}
+    found: dict[tuple[str, int], list[tuple[str, float]]] = {}
     for each, settings in zip(evidence, own, strict=True):
         for setting, label, scale in zip(settings, each.effects, each.scale, strict=True):
-            found[setting].append((label, float(scale)))
-    labels = tuple(_median_label([label for label, _ in found[each]]) for each in effects)
-    scale = np.array([np.median([scale for _, scale in found[each]]) for each in effects])
-    place = {name: i for i, name in enumerate((*parameters, *effects))}
+            found.setdefault(setting, []).append((label, float(scale)))
+    labels = [_median_label([label for label, _ in each]) for each in found.values()]
+    scale = np.array([np.median([scale for _, scale in each]) for each in found.values()])
+    place = {name: i for i, name in enumerate((*parameters, *found))}
     size, num = len(place), len(evidence)
     score, information = np.zeros((num, size)), np.zeros((num, size, size))
-    visible = np.full((num, len(effects)), np.nan)
+    visible = np.full((num, len(found)), np.nan)
     for row, (each, settings) in enumerate(zip(evidence, own, strict=True)):
         at = [place[name] for name in (*each.parameters, *settings)]
         of_effects = [place[name] - len(parameters) for name in settings]
@@ -223,13 +281,15 @@ def pool(machines: Sequence[str], evidence: Sequence[Evidence]) -> Pool:
         score[row, at] = factor * each.score
         information[row][np.ix_(at, at)] = factor[:, None] * each.information * factor
         visible[row, of_effects] = larger * each.visible_K
-    return Pool(tuple(machines), parameters, labels, scale, score, information, visible)
+    catalogue = {kind.card.id: kind for kind in all_effects()}
+    columns = (Column.of(*each, catalogue) for each in zip(labels, scale.tolist(), strict=True))
+    return Pool(parameters, tuple(columns), score, information, visible)
 
 
 def _numbered(labels: Sequence[str]) -> list[tuple[str, int]]:
     """Return the amplitude of each label, and which of its settings it is."""
-    amplitudes = [label.partition("|")[0] for label in labels]
-    return [(name, amplitudes[:place].count(name)) for place, name in enumerate(amplitudes)]
+    names = [label.partition("|")[0] for label in labels]
+    return [(name, names[:place].count(name)) for place, name in enumerate(names)]
 
 
 def _median_label(labels: Sequence[str]) -> str:
@@ -255,6 +315,7 @@ class Tested:
     """The test of each effect, given shared parameters and effects that are in the model already.
 
     Attributes:
+        pool: The machines.
         statistic: Score over its standard deviation, shape (effect,).
         shares: What each machine adds to the score, cut off, shape (machine, effect).
         pull: What known shared errors may do: rows of D^(1/2) A, shape (given, effect).
@@ -262,27 +323,39 @@ class Tested:
         shared: Estimate of what is given, its scores, shape (given,).
     """
 
+    pool: Pool
     statistic: Float[np.ndarray, " effect"]
     shares: Float[np.ndarray, "machine effect"]
     pull: Float[np.ndarray, "given effect"]
     scale: Float[np.ndarray, " effect"]
     shared: Float[np.ndarray, " given"]
 
+    @property
+    def strength(self) -> Float[np.ndarray, " effect"]:
+        """Statistics, of one-sided effects with their sign."""
+        return self.pool.one_sided(self.statistic)
+
+    def largest_by_chance(self, seed: int) -> Float[np.ndarray, " flip"]:
+        """Return the largest statistic of all effects where the machines' signs are by chance."""
+        rng = np.random.default_rng([seed, 31])
+        largest = []
+        for first in range(0, NUM_FLIPS, CHUNK):
+            num = min(CHUNK, NUM_FLIPS - first)
+            signs = rng.integers(0, 2, (num, self.shares.shape[0])) * 2.0 - 1.0
+            shared = rng.standard_normal((num, self.pull.shape[0]))
+            values = (signs @ self.shares + shared @ self.pull) / self.scale
+            largest.append(self.pool.one_sided(values).max(axis=1))
+        return np.concatenate(largest)
+
 
 def score_test(
-    pool: Pool, precision: Float[np.ndarray, " parameter"], accepted: Sequence[int] = ()
+    pool: Pool,
+    accepted: Sequence[int] = (),
+    precision: Float[np.ndarray, " parameter"] | None = None,
 ) -> Tested:
-    """Return the test of each effect.
-
-    Args:
-        pool: The machines.
-        precision: Of what is known of each shared parameter, of its score [1].
-        accepted: Effects that are in the model, by their places.
-    """
-    num = pool.num_parameters
-    given = [*range(num), *(num + each for each in accepted)]
-    behind = list(range(num, pool.score.shape[1]))
-    D = np.concatenate([precision, np.full(len(accepted), FREE)])
+    """Return the test of each effect; arguments as `Pool.given`."""
+    given, D = pool.given(accepted, precision)
+    behind = list(range(len(pool.parameters), pool.score.shape[1]))
     L_ee = pool.information[:, given][:, :, given]
     L_ea = pool.information[:, given][:, :, behind]
     H = L_ee.sum(axis=0) + np.diag(D)
@@ -290,43 +363,13 @@ def score_test(
     A = np.linalg.solve(H, L_ea.sum(axis=0))
     left = pool.score[:, given] - L_ee @ shared
     shares = pool.score[:, behind] - np.einsum("iea,e->ia", L_ea, shared) - left @ A
-    shares = _cut(shares)
+    limit = CLIP * 1.4826 * np.median(np.abs(shares), axis=0)
+    shares = np.clip(shares, -limit, limit)
     pull = np.sqrt(D)[:, None] * A
     scale = np.sqrt(np.sum(shares**2, axis=0) + np.sum(pull**2, axis=0))
     total = shares.sum(axis=0) + A.T @ (D * shared)
     usable = scale > 1e-6
     usable[list(accepted)] = False
-    statistic = np.where(usable, total / np.where(usable, scale, 1.0), 0.0)
-    return Tested(statistic, shares * usable, pull * usable, np.where(usable, scale, 1.0), shared)
-
-
-def _cut(shares: np.ndarray) -> np.ndarray:
-    """Return the machines' shares with those far beyond the others' cut off."""
-    limit = CLIP * 1.4826 * np.median(np.abs(shares), axis=0)
-    return np.clip(shares, -limit, limit)
-
-
-def largest_by_chance(
-    found: Tested, is_two_sided: Bool[np.ndarray, " effect"], seed: int = 0
-) -> Float[np.ndarray, " flip"]:
-    """Return the largest statistic of all effects where the machines' signs are by chance.
-
-    Args:
-        found: The test.
-        is_two_sided: Which amplitudes may have either sign; the others count if positive.
-        seed: Of the signs.
-    """
-    rng = np.random.default_rng([seed, 31])
-    largest = []
-    for first in range(0, NUM_FLIPS, CHUNK):
-        num = min(CHUNK, NUM_FLIPS - first)
-        signs = rng.integers(0, 2, (num, found.shares.shape[0])) * 2.0 - 1.0
-        shared = rng.standard_normal((num, found.pull.shape[0]))
-        values = (signs @ found.shares + shared @ found.pull) / found.scale
-        largest.append(one_sided(values, is_two_sided).max(axis=1))
-    return np.concatenate(largest)
-
-
-def one_sided(values: np.ndarray, is_two_sided: Bool[np.ndarray, " effect"]) -> np.ndarray:
-    """Return statistics so that large ones speak for an effect."""
-    return np.where(is_two_sided, np.abs(values), values)
+    scale = np.where(usable, scale, 1.0)
+    statistic = np.where(usable, total / scale, 0.0)
+    return Tested(pool, statistic, shares * usable, pull * usable, scale, shared)

@@ -1,92 +1,135 @@
 """The search for effects that the machines of a type share, one after the other.
 
 A round tests all effects at one stage: which are seen, and how large they are. A claim is what is
-said of a shared effect: its size, what it cannot be told from, and whether it stands; the text for
-the terminal is made here too.
+said of a shared effect: its size, what it cannot be told from, and whether it stands.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import stdtrit
 
-from heatrun.io.quantities import printed_unit, rounded
-from heatrun.model.catalogue import all_effects
-from heatrun.model.parameters import effect_parameters
 from heatrun.results.discovery import ValueWithInterval
-from lptn.effects import AbstractEffect, Quantity
 
 from ..results import (
-    FleetDiscoveryResult,
+    FleetVerdict,
     InstrumentRival,
+    LeftOutOfDiscovery,
     ScreenedEffect,
     SharedEffect,
     TypeDiscovery,
 )
-from .pooled import CLIP, FREE, Pool, Tested, largest_by_chance, one_sided, score_test, shape_of
+from .pooled import CLIP, FREE, Evidence, Pool, Tested, pool, score_test, shape_of
 
-BEYOND = 1.5
-"""Largest plausible amplitude over that of the catalogue [1]."""
+LEVEL = 0.05
+"""Probability of finding anything in a fleet without effects, over all its types [1]."""
+
+FEWEST = 10
+"""Machines from which on signs can speak: of fewer, chance alone is too often of one sign."""
+
+MOST = 3
+"""Effects that are accepted."""
+
+LEAST_K = 0.02
+"""What an effect must leave of a refitted network to matter [K], at the lower end of its interval:
+less comes of blocks, clocks and sheets that get warm in any fleet, and a fleet is large enough to
+see it."""
 
 
-@dataclass(frozen=True)
-class Column:
-    """An amplitude at a setting of its shape.
+def discover_type(
+    name: str,
+    evidence: Sequence[Evidence],
+    thermal: set[str],
+    left_out: Sequence[LeftOutOfDiscovery] = (),
+    *,
+    level: float = LEVEL,
+    seed: int = 0,
+) -> TypeDiscovery:
+    """Return the effects that machines of a type share.
 
-    Attributes:
-        kind: The effect.
-        parameter: Name of the amplitude.
-        shape: Values of the shape parameters, by name.
-        quantity: The amplitude's range and unit.
-        scale: Amplitude at a score of one [its unit].
+    Args:
+        name: Of the type.
+        evidence: Of each machine.
+        thermal: Names of the parameters of the network and its known effects.
+        left_out: Machines that take no part.
+        level: Probability of finding anything where there is nothing [1].
+        seed: Of what is drawn.
     """
+    num = len(evidence)
+    if num < FEWEST:
+        return TypeDiscovery(
+            type=name, verdict="too_few",
+            sentence=f"Effects that machines share are sought from {FEWEST} machines on; "
+            f"{num} can be used.",
+            effects=[], traces=[], critical=None, num_machines=num, num_alone=0,
+            left_out=list(left_out), screened=[],
+        )  # fmt: skip
+    whole = pool(evidence)
+    is_instrument = np.array([n not in thermal and "_start[" not in n for n in whole.parameters])
+    accepted: list[int] = []
+    effects: list[SharedEffect] = []
+    traces: list[SharedEffect] = []
+    first = found = Round.of(whole, accepted, level, seed)
+    while usable := found.usable():
+        if len(effects) == MOST or len(accepted) == 2 * MOST:
+            break
+        said = claim(found, usable[0], is_instrument, level, seed)
+        (effects if said.visible_K.interval_95[0] >= LEAST_K else traces).append(said)
+        accepted.append(usable[0])
+        found = Round.of(whole, accepted, level, seed)
+    is_left = bool(usable) or found.left_K() >= LEAST_K
+    verdict, sentence = _verdict(effects, len(traces), num, is_left=is_left)
+    return TypeDiscovery(
+        type=name,
+        verdict=verdict,
+        sentence=sentence,
+        effects=effects,
+        traces=traces,
+        critical=first.critical,
+        num_machines=num,
+        num_alone=num_alone(whole, seed),
+        left_out=list(left_out),
+        screened=_screened(first),
+    )
 
-    kind: type[AbstractEffect]
-    parameter: str
-    shape: dict[str, float]
-    quantity: Quantity
-    scale: float
 
-    @classmethod
-    def of(cls, label: str, scale: float, catalogue: Mapping[str, type[AbstractEffect]]) -> Column:
-        """Return what a label of `Evidence.effects` stands for.
-
-        Args:
-            label: Such as `"natural_convection.f|n=0.29"`.
-            scale: Amplitude at a score of one in a machine of this size [its unit].
-            catalogue: Effects by id.
-        """
-        name = label.partition("|")[0]
-        id, _, parameter = name.partition(".")
-        kind = catalogue[id]
-        own = next(p for p in effect_parameters([kind], 1.0, [kind]) if p.name == name)
-        usual, larger = kind.card.parameters[parameter], scale / own.sd
-        null = usual.null or 0.0
-        low, high = (null + larger * (end - null) for end in (usual.low, usual.high))
-        quantity = usual._replace(low=low, high=high)
-        return cls(kind, parameter, shape_of(label), quantity, scale)
-
-    @property
-    def id(self) -> str:
-        """Id of the effect."""
-        return self.kind.card.id
-
-    @property
-    def is_two_sided(self) -> bool:
-        """Whether the amplitude may have either sign."""
-        null = self.quantity.null or 0.0
-        return self.quantity.low < null < self.quantity.high
-
-    def is_plausible(self, score: float) -> bool:
-        """Whether the amplitude of a score is one that a machine may have."""
-        size = self.scale * score
-        null = self.quantity.null or 0.0
-        low = min(self.quantity.low - null, 0.0)
-        return BEYOND * low <= size <= BEYOND * (self.quantity.high - null)
+def _verdict(
+    effects: Sequence[SharedEffect], num_traces: int, num: int, *, is_left: bool
+) -> tuple[FleetVerdict, str]:
+    if not effects and is_left:
+        return "unexplained", (
+            f"The {num} machines share something that no effect of the catalogue explains at a "
+            "plausible size."
+        )
+    if not effects:
+        seen = f" {num_traces} too small to matter." if num_traces else ""
+        return "nothing_found", (
+            f"No effect that matters is shared by the {num} machines, as far as their tests "
+            f"together can show.{seen}"
+        )
+    names = " and ".join(
+        f"one of {', '.join([each.id, *each.equivalents])}" if each.equivalents else each.id
+        for each in effects
+    )
+    if is_left:
+        return "unexplained", (
+            f"The {num} machines share something that the catalogue does not explain: {names} "
+            "helps, and more is left, so no cause is claimed."
+        )
+    if any(not each.is_beyond_instruments for each in effects):
+        return "instrument", (
+            f"The {num} machines share {names}, or an instrument of their bench is off: no number "
+            "of machines tells the two apart."
+        )
+    if any(each.equivalents for each in effects):
+        return "ambiguous", (
+            f"The {num} machines share {names}; their tests together do not say which."
+        )
+    return "named", f"The {num} machines share {names}."
 
 
 @dataclass(frozen=True)
@@ -95,20 +138,14 @@ class Round:
 
     Attributes:
         pool: The machines.
-        columns: What the effects stand for.
-        is_two_sided: Of each.
-        precision: Of what is known of each shared parameter, of its score [1].
         accepted: Effects in the model, by their places.
         test: Of each effect.
         chance: Largest statistics by chance.
         critical: That of them which is exceeded with the probability of the level.
-        information: Precision of each effect's score, by what the fits state.
+        information: Precision of each effect's score over all machines, by what the fits state.
     """
 
     pool: Pool
-    columns: list[Column]
-    is_two_sided: Bool[np.ndarray, " effect"]
-    precision: np.ndarray
     accepted: tuple[int, ...]
     test: Tested
     chance: np.ndarray
@@ -116,63 +153,38 @@ class Round:
     information: Float[np.ndarray, " effect"]
 
     @classmethod
-    def of(
-        cls, pool: Pool, columns: list[Column], both: np.ndarray, precision: np.ndarray,
-        accepted: Sequence[int], level: float, seed: int,
-    ) -> Round:  # fmt: skip
-        """Return the round; arguments as the attributes, and the level and seed of its chance."""
-        test = score_test(pool, precision, accepted)
-        chance = largest_by_chance(test, both, seed)
+    def of(cls, pool: Pool, accepted: Sequence[int], level: float, seed: int) -> Round:
+        """Return the round; arguments as `discover_type`."""
+        test = score_test(pool, accepted)
+        chance = test.largest_by_chance(seed)
+        given, D = pool.given(accepted)
+        whole, num = pool.information.sum(axis=0), len(pool.parameters)
+        across = whole[given, num:]
+        taken = np.linalg.solve(whole[np.ix_(given, given)] + np.diag(D), across)
+        information = np.diag(whole)[num:] - np.einsum("ea,ea->a", across, taken)
         critical = float(np.quantile(chance, 1.0 - level))
-        stated = information(pool, precision, accepted)
-        return cls(pool, columns, both, precision, tuple(accepted), test, chance, critical, stated)
-
-    @property
-    def strength(self) -> np.ndarray:
-        """Statistics, of one-sided effects with their sign."""
-        return one_sided(self.test.statistic, self.is_two_sided)
+        return cls(pool, tuple(accepted), test, chance, critical, information)
 
     def left_K(self) -> float:
         """Return what the largest effect beyond chance leaves, plausible or not [K]; 0 for none."""
         visible = np.abs(self.scores()) * np.nanmedian(self.pool.visible_K, axis=0)
-        return float(np.max(np.where(self.strength >= self.critical, visible, 0.0)))
+        return float(np.max(np.where(self.test.strength >= self.critical, visible, 0.0)))
 
     def scores(self) -> np.ndarray:
         """Return the amplitudes to first order, in scores."""
         return self.test.statistic * self.test.scale / np.maximum(self.information, 1e-12)
 
-    def gain(self) -> np.ndarray:
-        """Return the drop of the sum of squares that each effect would bring."""
-        return self.strength.clip(0.0) * self.test.scale * np.abs(self.scores())
-
     def usable(self) -> list[int]:
         """Return the effects that are seen and plausible, the one that explains most first."""
-        known = {self.columns[each].id for each in self.accepted}
-        score, gain = self.scores(), self.gain()
+        known = {self.pool.columns[each].id for each in self.accepted}
+        score, strength = self.scores(), self.test.strength
+        gain = strength.clip(0.0) * self.test.scale * np.abs(score)  # drop of the sum of squares
         seen = [
-            place for place, column in enumerate(self.columns)
-            if 0.0 < self.strength[place] >= self.critical and column.is_plausible(score[place])
+            place for place, column in enumerate(self.pool.columns)
+            if 0.0 < strength[place] >= self.critical and column.is_plausible(score[place])
             and column.id not in known
         ]  # fmt: skip
         return sorted(seen, key=lambda place: -gain[place])
-
-    def best(self) -> int | None:
-        """Return the first of them, None where there is none."""
-        return next(iter(self.usable()), None)
-
-    def p(self, place: int) -> float:
-        """Return the family-wise p-value of an effect [1]."""
-        return float((1 + np.sum(self.chance >= self.strength[place])) / (1 + self.chance.size))
-
-
-def information(pool: Pool, precision: np.ndarray, accepted: Sequence[int]) -> np.ndarray:
-    """Return the precision of each effect's score over all machines, by what the fits state."""
-    num = pool.num_parameters
-    given = [*range(num), *(num + each for each in accepted)]
-    whole = pool.information.sum(axis=0)
-    H = whole[np.ix_(given, given)] + np.diag([*precision, *([FREE] * len(accepted))])
-    across = whole[given, num:]
-    return np.diag(whole)[num:] - np.einsum("ea,ea->a", across, np.linalg.solve(H, across))
 
 
 SEEN = 2.0
@@ -180,26 +192,18 @@ SEEN = 2.0
 
 
 def amplitude(found: Round, best: int) -> tuple[float, float, float]:
-    """Return amplitude, its standard deviation, and the spread over machines, in scores.
-
-    Args:
-        found: The tests.
-        best: Place of the effect.
-    """
-    pool = found.pool
-    num = pool.num_parameters
-    given = [*range(num), *(num + each for each in found.accepted)]
-    D = np.array([*found.precision, *([FREE] * len(found.accepted))])
+    """Return amplitude, its standard deviation, and the spread over machines, in scores."""
+    pool, at = found.pool, len(found.pool.parameters) + best
+    given, D = pool.given(found.accepted)
     L_ee = pool.information[:, given][:, :, given]
-    L_ea = pool.information[:, given, num + best]
-    H = L_ee.sum(axis=0) + np.diag(D)
-    shared = np.linalg.solve(H, pool.score[:, given].sum(axis=0))
-    A = np.linalg.solve(H, L_ea.sum(axis=0))
-    own = pool.information[:, num + best, num + best]
+    L_ea = pool.information[:, given, at]
+    shared = found.test.shared
+    A = np.linalg.solve(L_ee.sum(axis=0) + np.diag(D), L_ea.sum(axis=0))
+    own = pool.information[:, at, at]
     m = own - 2.0 * L_ea @ A + np.einsum("e,ief,f->i", A, L_ee, A)
     total = float(found.information[best])
     of_prior = float(np.sum(D * A**2))
-    shares = pool.score[:, num + best] - L_ea @ shared - (pool.score[:, given] - L_ee @ shared) @ A
+    shares = pool.score[:, at] - L_ea @ shared - (pool.score[:, given] - L_ee @ shared) @ A
     pulled = float(A @ (D * shared))
     score = (float(np.sum(shares)) + pulled) / total
     left = shares
@@ -227,82 +231,61 @@ IMPOSSIBLE = 6.0
 def claim(
     found: Round, best: int, is_instrument: Bool[np.ndarray, " parameter"], level: float, seed: int
 ) -> SharedEffect:
-    """Return what is said of an effect that was found.
-
-    Args:
-        found: The tests.
-        best: Place of the effect.
-        is_instrument: Which of the shared parameters are errors of instruments.
-        level: Probability of finding anything where there is nothing [1].
-        seed: Of what is drawn.
-    """
-    pool = found.pool
-    column = found.columns[best]
+    """Return what is said of an effect that was found, by its place; `level` as `discover_type`."""
+    pool, column = found.pool, found.pool.columns[best]
     score, sd, spread = amplitude(found, best)
-    half = float(stdtrit(len(pool.machines) - 1, 0.975)) * sd
-    visible = float(np.nanmedian(pool.visible_K[:, best]))
+    half = float(stdtrit(len(pool.score) - 1, 0.975)) * sd
+    visible, strength = float(np.nanmedian(pool.visible_K[:, best])), found.test.strength[best]
     at = abs(score)
     # with all instruments less known, and with each one alone not known at all
-    wider = np.where(is_instrument, WIDER**-2, found.precision)
-    among = score_test(pool, wider, found.accepted)
-    chance = largest_by_chance(among, found.is_two_sided, seed)
-    critical = float(np.quantile(chance, 1.0 - level))
-    stands = one_sided(among.statistic, found.is_two_sided)[best] >= critical
+    among = score_test(pool, found.accepted, np.where(is_instrument, WIDER**-2, 1.0))
+    critical = float(np.quantile(among.largest_by_chance(seed), 1.0 - level))
     rivals = _instruments(found, best, is_instrument)
-    null = column.quantity.null or 0.0
+    size = column.null + column.scale * score
     return SharedEffect(
         id=column.id,
         equivalents=_equivalents(found, best),
-        is_beyond_instruments=bool(stands) and not rivals,
+        is_beyond_instruments=bool(among.strength[best] >= critical) and not rivals,
         instruments=rivals,
-        parameter=column.parameter,
-        shape=column.shape,
+        parameter=column.label.partition("|")[0].partition(".")[2],
+        shape=shape_of(column.label),
         unit=column.quantity.unit,
-        size=_ranged(null + column.scale * score, column.scale * half),
+        size=ValueWithInterval(
+            value=size, interval_95=(size - column.scale * half, size + column.scale * half)
+        ),
         spread=column.scale * spread,
         visible_K=ValueWithInterval(
             value=at * visible,
             interval_95=(max(0.0, at - half) * visible, (at + half) * visible),
         ),
         statistic=float(found.test.statistic[best]),
-        familywise_p=found.p(best),
+        familywise_p=float((1 + np.sum(found.chance >= strength)) / (1 + found.chance.size)),
         num_machines=int(np.sum(np.isfinite(pool.visible_K[:, best]))),
         separating_test=column.kind.card.separating_test,
     )
 
 
-def _ranged(value: float, half: float) -> ValueWithInterval:
-    return ValueWithInterval(value=value, interval_95=(value - half, value + half))
-
-
 def _equivalents(found: Round, best: int) -> list[str]:
     """Return the effects that, in its place, leave nothing that asks for it."""
-    own = found.columns[best].id
-    tied: list[str] = []
-    tried: set[str] = set()
-    for place in found.usable():  # of each effect, the setting that suits best
-        id = found.columns[place].id
-        if id == own or id in tried:
-            continue
-        tried.add(id)
-        given = score_test(found.pool, found.precision, [*found.accepted, place])
-        same = [i for i, column in enumerate(found.columns) if column.id == own]
-        left = one_sided(given.statistic, found.is_two_sided)[same]
-        if np.max(left) < found.critical:
-            tied.append(id)
-    return tied
+    columns = found.pool.columns
+    same = [i for i, column in enumerate(columns) if column.id == columns[best].id]
+    first: dict[str, int] = {}  # of each effect, the setting that suits best
+    for place in found.usable():
+        first.setdefault(columns[place].id, place)
+    return [
+        id for id, place in first.items() if id != columns[best].id
+        and np.max(score_test(found.pool, [*found.accepted, place]).strength[same]) < found.critical
+    ]  # fmt: skip
 
 
 def _instruments(found: Round, best: int, is_instrument: np.ndarray) -> list[InstrumentRival]:
     """Return the instruments whose error alone would leave nothing that asks for the effect."""
     rivals = []
     for place in np.flatnonzero(is_instrument):
-        free = found.precision.copy()
-        free[place] = FREE
-        given = score_test(found.pool, free, found.accepted)
-        left = one_sided(given.statistic, found.is_two_sided)[best]
+        unknown = np.where(np.arange(is_instrument.size) == place, FREE, 1.0)
+        given = score_test(found.pool, found.accepted, unknown)
         off = float(given.shared[place])
-        if left < found.critical and abs(off) < IMPOSSIBLE:
+        if given.strength[best] < found.critical and abs(off) < IMPOSSIBLE:
             rivals.append(InstrumentRival(name=found.pool.parameters[place], stated_sds=off))
     return sorted(rivals, key=lambda rival: abs(rival.stated_sds))
 
@@ -314,15 +297,9 @@ NUM_DRAWS = 4000
 """Draws for the level of a single machine."""
 
 
-def num_alone(pool: Pool, both: np.ndarray, seed: int) -> int:
-    """Return the number of machines whose own tests alone show an effect.
-
-    Args:
-        pool: The machines.
-        both: Which amplitudes may have either sign, shape (effect,).
-        seed: Of what is drawn.
-    """
-    num = pool.num_parameters
+def num_alone(pool: Pool, seed: int) -> int:
+    """Return the number of machines whose own tests alone show an effect."""
+    num = len(pool.parameters)
     own = np.einsum("iaa->ia", pool.information)[:, num:]
     usable = own > 1e-9
     values = np.where(usable, pool.score[:, num:] / np.sqrt(np.where(usable, own, 1.0)), 0.0)
@@ -331,160 +308,18 @@ def num_alone(pool: Pool, both: np.ndarray, seed: int) -> int:
     strength, turn = np.linalg.eigh(mean / size / size[:, None])
     rng = np.random.default_rng([seed, 37])
     draws = rng.standard_normal((NUM_DRAWS, size.size)) @ (turn * np.sqrt(strength.clip(0.0))).T
-    critical = np.quantile(one_sided(draws, both).max(axis=1), 1.0 - ALONE)
-    return int(np.sum(one_sided(values, both).max(axis=1) >= critical))
+    critical = np.quantile(pool.one_sided(draws).max(axis=1), 1.0 - ALONE)
+    return int(np.sum(pool.one_sided(values).max(axis=1) >= critical))
 
 
-MOST_NAMED = 5
-"""Machines that are named; all stand in the file."""
-
-
-def discovery_text(found: FleetDiscoveryResult) -> str:
-    """Return what the machines of each type share.
-
-    Args:
-        found: The discovery.
-    """
-    return "\n\n".join("\n".join(_type(each)) for each in found.types)
-
-
-def _type(found: TypeDiscovery) -> list[str]:
-    lines = [f"{'Type ' + found.type if found.type else 'All machines'}: {found.sentence}"]
-    for effect in found.effects:
-        lines += _effect(effect)
-    for effect in found.traces:
-        lines.append(f"  trace: {effect.id}, {rounded(effect.visible_K.value, 2)} K")
-    if found.effects:
-        lines.append(f"  {found.num_alone} of {found.num_machines} machines would show something "
-                     f"by their own tests alone; {rounded(ALONE * found.num_machines, 2)} would "
-                     "by chance")  # fmt: skip
-    elif found.screened:
-        seen = [each.could_show_K for each in found.screened if each.could_show_K is not None]
-        if seen:
-            seen.sort()
-            lines.append(f"  half of the catalogue would have been seen from "
-                         f"{rounded(seen[len(seen) // 2], 2)} K on")  # fmt: skip
-    if found.left_out:
-        names = ", ".join(f"{each.machine} ({each.reason})" for each in found.left_out[:MOST_NAMED])
-        more = (
-            f" and {len(found.left_out) - MOST_NAMED} more"
-            if len(found.left_out) > MOST_NAMED
-            else ""
-        )
-        lines.append(f"  without {names}{more}")
-    return lines
-
-
-def _effect(effect: SharedEffect) -> list[str]:
-    unit = printed_unit(effect.unit)
-    low, high = effect.size.interval_95
-    shape = ", ".join(f"{name} = {rounded(value, 3)}" for name, value in effect.shape.items())
-    lines = [
-        f"  {effect.id}: {effect.parameter} = {rounded(effect.size.value, 3)} {unit}".rstrip()
-        + f" ({rounded(low, 3)} … {rounded(high, 3)}){' with ' + shape if shape else ''}",
-        f"    leaves {rounded(effect.visible_K.value, 2)} K "
-        f"({rounded(effect.visible_K.interval_95[0], 2)} … "
-        f"{rounded(effect.visible_K.interval_95[1], 2)} K) of a refitted network; by chance with "
-        f"p = {rounded(effect.familywise_p, 2)} over all effects; {effect.num_machines} machines",
-    ]
-    if effect.spread > 0.0:
-        lines.append(f"    from machine to machine by {rounded(effect.spread, 2)} {unit}".rstrip())
-    if effect.equivalents:
-        lines.append(f"    not told apart from {', '.join(effect.equivalents)}")
-    for rival in effect.instruments:
-        lines.append(f"    or {rival.name} off, for all machines, by "
-                     f"{rounded(abs(rival.stated_sds), 2)} times its stated standard "
-                     "deviation")  # fmt: skip
-    if not effect.is_beyond_instruments:
-        lines.append("    not claimed: instruments off three times as far as stated would do")
-    lines.append(f"    what would tell: {effect.separating_test}")
-    return lines
-
-
-FEWEST = 10
-"""Machines from which on signs can speak: of fewer, chance alone is too often of one sign."""
-
-MOST = 3
-"""Effects that are accepted."""
-
-LEAST_K = 0.02
-"""What an effect must leave of a refitted network to matter [K], at the lower end of its interval:
-less comes of blocks, clocks and sheets that get warm in any fleet, and a fleet is large enough to
-see it."""
-
-
-@dataclass(frozen=True)
-class Search:
-    """What was found.
-
-    Attributes:
-        effects: Accepted, in that order.
-        traces: There, and too small to matter.
-        critical: Statistic that is reached by chance with the probability of the level.
-        is_left: Whether something that matters is there beyond what was accepted.
-        num_alone: Machines that show an effect by themselves.
-        screened: All effects.
-    """
-
-    effects: list[SharedEffect]
-    traces: list[SharedEffect]
-    critical: float
-    is_left: bool
-    num_alone: int
-    screened: list[ScreenedEffect]
-
-
-def search(pool: Pool, instruments: Sequence[str], level: float, seed: int = 0) -> Search:
-    """Return the effects that machines share.
-
-    Args:
-        pool: Their evidence.
-        instruments: Those of the shared parameters that are errors of instruments.
-        level: Probability of finding anything where there is nothing [1].
-        seed: Of the flipped signs.
-    """
-    catalogue = {kind.card.id: kind for kind in all_effects()}
-    columns = [
-        Column.of(name, scale, catalogue)
-        for name, scale in zip(pool.effects, pool.scale.tolist(), strict=True)
-    ]
-    both = np.array([each.is_two_sided for each in columns])
-    is_instrument = np.array([name in instruments for name in pool.parameters])
-    stated = np.ones(pool.num_parameters)
-    accepted: list[int] = []
-    effects: list[SharedEffect] = []
-    traces: list[SharedEffect] = []
-    first = Round.of(pool, columns, both, stated, accepted, level, seed)
-    found, is_left = first, False
-    while True:
-        best = found.best()
-        if best is None:
-            break
-        if len(effects) == MOST or len(accepted) == 2 * MOST:
-            is_left = True
-            break
-        said = claim(found, best, is_instrument, level, seed)
-        (effects if said.visible_K.interval_95[0] >= LEAST_K else traces).append(said)
-        accepted.append(best)
-        found = Round.of(pool, columns, both, stated, accepted, level, seed)
-    return Search(
-        effects=effects,
-        traces=traces,
-        critical=first.critical,
-        is_left=is_left or found.left_K() >= LEAST_K,
-        num_alone=num_alone(pool, both, seed),
-        screened=_screened(pool, first),
-    )
-
-
-def _screened(pool: Pool, first: Round) -> list[ScreenedEffect]:
-    result = []
+def _screened(first: Round) -> list[ScreenedEffect]:
+    result, pool = [], first.pool
     with np.errstate(divide="ignore"):
         least = first.critical * first.test.scale / first.information
-    for id in dict.fromkeys(column.id for column in first.columns):
-        places = [i for i, column in enumerate(first.columns) if column.id == id]
+    for id in dict.fromkeys(column.id for column in pool.columns):
+        places = [i for i, column in enumerate(pool.columns) if column.id == id]
         seen = [i for i in places if first.information[i] > 1e-9]
-        best = max(places, key=lambda i: first.strength[i])
+        best = max(places, key=lambda i: first.test.strength[i])
         visible = [float(least[i] * np.nanmedian(pool.visible_K[:, i])) for i in seen]
         result.append(
             ScreenedEffect(
