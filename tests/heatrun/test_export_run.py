@@ -121,13 +121,6 @@ def test_a_held_out_test_starts_at_its_first_readings(day):
     assert test.values["Tsr_start"] == pytest.approx(test.values["Tw_start"], abs=1.0)
 
 
-def test_the_same_run_gives_the_same_bytes_again(day):
-    first = export_mat(Path("run"))["files"]
-    before = [Path(file).read_bytes() for file in first]
-    assert export_mat(Path("run"))["files"] == first
-    assert [Path(file).read_bytes() for file in first] == before
-
-
 def test_the_command_prints_one_object(day, capsys):
     words = ["export", "run", "--to", "mat", "--out", "out", "--test", "step", "--json"]
     assert cli.main(words) == 0
