@@ -76,10 +76,13 @@ def kernels(rng):
     return Kernels.over(noise_z, np.full(500, 1.0 / 500), rng)
 
 
-def test_kernels_draw_from_their_density(kernels, rng):
-    drawn = kernels.draw(20_000, rng)
-    target = multivariate_normal(CENTRE, np.diag(SD) ** 2)
-    assert mean_is_one(target.logpdf(drawn) - kernels.log_densities(drawn))
+@pytest.mark.parametrize("anew", [None, *range(4)])
+def test_kernels_draw_from_their_density(kernels, rng, anew):
+    """Against what they were made over, and that with one score as its prior has it."""
+    drawn, is_anew = kernels.draw(20_000, rng), np.arange(4) == anew
+    target = norm(np.where(is_anew, 0.0, CENTRE), np.where(is_anew, 1.0, SD))
+    log_ratio = target.logpdf(drawn).sum(axis=1) - kernels.log_densities(drawn)
+    assert mean_is_one(log_ratio)
 
 
 def test_kernels_reach_the_tails_of_the_prior(kernels):
