@@ -22,8 +22,10 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import pandas as pd
 import pyarrow
 import pyarrow.parquet
+import scipy.io
 
 import heatrun.model
 from heatrun.errors import InputError
@@ -46,6 +48,7 @@ REFERENCE = Path(__file__).parents[2] / "data" / "synthetic"
 TABLE = "t,Is,Pd,Te,Tw_m\n0.0,10.5,300.0,21.5,22\n0.5,11.0,310.0,21.5,23\n1.0,-1e1,305.5,21.5,23\n"
 GERMAN = '"Gerät: 1"\nZeit [s];Strom [A];"T Wicklung [°C]"\n0,0;1,5;22,1\n0,5;1,75;22,2\n'
 CLOCK = "time;I;T [degC]\n2024-05-01 10:00:00,5;1;22\n2024-05-01 10:00:01,0;2;23\n"
+ODD = ('"', "a,b\n1e999,2\n", "a,b\n１,２\n", "d,b\n00/00/2020 00:00,1\n99/99/2020 24:00,1\n")
 MAT_HEADER = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
 
 
@@ -171,13 +174,35 @@ def statement(data: bytes) -> None:
 
 
 def mat5() -> bytes:
-    """Return a MATLAB 5 file with two vectors, one of them stored in fewer bytes."""
-    import scipy.io
-
+    """Return a MATLAB 5 file with vectors, one of them stored in fewer bytes, and a struct."""
     buffer = io.BytesIO()
     time = np.arange(8.0)
-    scipy.io.savemat(buffer, {"t": time, "Is": time * 2, "note": "text", "Te": 21.0})
+    signal = {"values": time[:, None], "label": "T_w", "dimensions": 1.0}
+    scope = {"time": time[:, None], "signals": signal}
+    columns = {"t": time, "Is": time * 2, "note": "text", "Te": 21.0}
+    scipy.io.savemat(buffer, {**columns, "simout": scope})
     return buffer.getvalue()
+
+
+def netcdf() -> bytes:
+    """Return a classic netCDF file with two vectors that state their units."""
+    buffer = io.BytesIO()
+    file = scipy.io.netcdf_file(buffer, "w")
+    file.createDimension("time", 8)
+    for name, unit in (("time", "h"), ("T_winding", "K")):
+        item = file.createVariable(name, "f4", ("time",))
+        item[:] = np.arange(300.0, 308.0)
+        item.units = unit
+    file.flush()
+    return buffer.getvalue()
+
+
+def workbook() -> bytes:
+    """Return an Excel workbook whose parts are stored unpacked, where mutation reaches them."""
+    buffer = io.BytesIO()
+    columns = {"time_s": np.arange(8.0), "winding_degC": 20.0 + np.arange(8.0)}
+    pd.DataFrame(columns).to_excel(buffer, index=False, engine="openpyxl")
+    return stored(buffer.getvalue())
 
 
 def hdf5() -> bytes:
@@ -254,7 +279,7 @@ def chunk() -> bytes:
 
 
 def stored(data: bytes) -> bytes:
-    """Return an npz file with its members stored unpacked, where mutation reaches them."""
+    """Return a zip archive with its members stored unpacked, where mutation reaches them."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(buffer, "w") as new:
         for name in old.namelist():
@@ -297,7 +322,7 @@ per_test = false
 
 TARGETS: dict[str, Target] = {
     "statement": Target(statement, (b"", bytes(40), bytes(range(40)), bytes(range(0, 240, 6)))),
-    "text": Target(record("csv"), tuple(text.encode() for text in (TABLE, GERMAN, CLOCK))),
+    "text": Target(record("csv"), tuple(text.encode() for text in (TABLE, GERMAN, CLOCK, *ODD))),
     "gzip": Target(
         record("csv.gz", start=b"\x1f\x8b"), (zlib.compress(TABLE.encode(), wbits=31)[2:],)
     ),
@@ -305,6 +330,8 @@ TARGETS: dict[str, Target] = {
     "mat5 packed": Target(packed_mat, (mat5()[128:],)),
     "hdf5": Target(record("mat", start=b"\x89HDF\r\n\x1a\n"), (hdf5()[8:],)),
     "parquet": Target(record("parquet", start=b"PAR1"), (parquet()[4:],)),
+    "netcdf": Target(record("nc", start=b"CDF"), (netcdf()[3:],)),
+    "excel": Target(record("xlsx", start=b"PK"), (workbook()[2:],)),
     "motor file": Target(motor, ((REFERENCE / "motor.toml").read_bytes(),)),
     "channel map": Target(
         channel_map, (b'winding_degC = "T Wicklung [degC]"\ntime_s = "rate 10 Hz"\n',)

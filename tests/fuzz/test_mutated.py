@@ -8,9 +8,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-NAMES = ("statement", "text", "gzip", "mat5", "mat5 packed", "hdf5", "parquet", "motor file",
-         "channel map", "fit.json", "manifest.json", "parameters", "network", "checkpoint", "mdf",
-         "tdms")  # fmt: skip
+NAMES = ("statement", "text", "gzip", "mat5", "mat5 packed", "hdf5", "parquet", "netcdf", "excel",
+         "motor file", "channel map", "fit.json", "manifest.json", "parameters", "network",
+         "checkpoint", "mdf", "tdms")  # fmt: skip
 TOKENS = (b"\x00", b"\xff\xff\xff\xff", b"1e999", b"nan", b"9" * 400, b'"', b"[", b"{", b"\n",
           b"\x1b[2J", b"=cmd()", "１²".encode(), b"-0", b"null", b"]]]]", b"\xed\xa0")  # fmt: skip
 """Pieces at which readers stumble."""

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from heat_runs import changed, checked
 from measured_machine import measured_record
 
 from heatrun.checks import check_record, current_scale_unchecked
@@ -53,10 +54,6 @@ def both_ways(generator):
     rests = [generator.Segment(length, 0.0, 0.0) for length in (60.0, rest_s)]
     profile = generator.Profile((rests[0], *loads, rests[1]))
     return measured_record(generator, profile, 83, "both ways", stator=False, shaft_gain=GAIN)
-
-
-def changed(record, **channels):
-    return replace(record, channels={**record.channels, **channels})
 
 
 def without_readings(record):
@@ -110,7 +107,7 @@ def test_the_temperature_of_the_winding_is_not_looked_at(both_ways, motor):
 
 
 def finding(record, motor):
-    (found,) = [f for f in check_record(record, motor) if f.id == "shaft_power_disagrees"]
+    (found,) = checked(record, motor, "shaft_power_disagrees")
     return found
 
 
@@ -209,9 +206,8 @@ def test_losses_below_zero_are_not_told_beside_the_error_that_makes_them_so(driv
 
 def test_losses_of_zero_or_less_are_said_in_words(driven, motor):
     record = changed(driven, losses_W=-np.abs(driven["losses_W"]))
-    said = [f.message for f in check_record(record, motor) if f.id == "losses_below_copper"]
-    assert said
-    assert "they are zero or less" in said[0]
+    (finding, *_) = checked(record, motor, "losses_below_copper")
+    assert "they are zero or less" in finding.message
 
 
 def test_an_export_is_corrected_by_the_tests_own_errors():
@@ -296,7 +292,7 @@ def locked(minutes: float = 15.0, *, current_gain: float = 1.0, power_gain: floa
 
 
 def seen(record: Record, motor: Motor = MOTOR):
-    return [f for f in check_record(record, motor) if f.id == "standstill_losses"]
+    return checked(record, motor, "standstill_losses")
 
 
 def test_a_standstill_that_agrees_says_how_well_it_checks_the_scales():

@@ -69,13 +69,6 @@ def test_the_table_of_a_small_record_by_hand():
     assert expected["reduction_percent"] == pytest.approx(30.769, abs=1e-3)  # as printed
 
 
-def test_the_general_report_prints_these_figures():
-    rows = {row.name: row for row in build_report("general", CAR, SMALL).rows}
-    assert rows["consumption_Wh_per_km"].value == pytest.approx(25 / 3)
-    assert rows["consumption_Wh_per_km"].unit == "Wh/km"
-    assert len(rows) == 6
-
-
 def test_a_gap_adds_nothing_and_is_said():
     record = made("gap", [0, 10, 20, 120, 130], dc_power_W=360, vehicle_speed_km_per_h=36)
     found = general_information(record, CAR)

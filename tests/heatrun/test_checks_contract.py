@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 from faults_of_records import FAULTS, VARIANTS
-from heat_runs import CLEAN, MOTOR, SMOOTH, edited, heat_run, named
+from heat_runs import CLEAN, MOTOR, SMOOTH, checked, edited, heat_run
 
 from heatrun.checks import CHECKS, check_record
 from heatrun.checks.advice import section_of
@@ -24,10 +24,10 @@ CASES = {id: (id, *case[:3]) for id, case in FAULTS.items()} | VARIANTS
 
 
 @cache
-def checked(name):
+def told(name):
     """Return what is told of a case under its id; the record is called run."""
     id, record, motor, _ = CASES[name]
-    return named(check_record(record, motor), id)
+    return checked(record, motor, id)
 
 
 def test_a_winding_that_is_clipped_is_told_once():
@@ -75,7 +75,7 @@ def test_every_check_has_its_fault():
 @pytest.mark.parametrize("id", FAULTS)
 def test_each_check_finds_its_own_fault(id):
     _, _, severity, key, (low, high) = FAULTS[id]
-    found = checked(id)
+    found = told(id)
     assert [f.severity for f in found if f.severity == severity], found
     finding = next(f for f in found if f.severity == severity)
     assert finding.test == "run"
@@ -90,12 +90,12 @@ def test_each_check_finds_its_own_fault(id):
 @pytest.mark.parametrize("name", VARIANTS)
 def test_the_same_fault_in_another_form(name):
     severity = VARIANTS[name][3]
-    assert {f.severity for f in checked(name)} == ({severity} if severity else set())
+    assert {f.severity for f in told(name)} == ({severity} if severity else set())
 
 
 def advised(name):
     """Yield the findings of a case that advise a line, with section and line."""
-    for finding in checked(name):
+    for finding in told(name):
         for section, line in LINE.findall(finding.remedy):
             if "FROM" not in line:
                 yield finding, section, line
@@ -115,7 +115,7 @@ def test_the_advised_line_does_away_with_the_finding(name):
         text = f'[motor]\nname = "M"\n{section}\n{line}\n'
         said = replace(motor, tests=parse_motor(text.encode(), "motor.toml").tests)
         for part in parts_of(record, said):
-            left = named(check_record(part, motor), finding.id)
+            left = checked(part, motor, finding.id)
             before = (finding.values.get("from_s"), finding.where)
             assert all((one.values.get("from_s"), one.where) != before for one in left)
             if finding.severity == "error" and "use" in line:
@@ -133,14 +133,14 @@ def test_a_cooling_is_used_where_losses_are_absent():
         "ambient_degC": 20.0 + 0.0 * time_s,
         "winding_degC": 20.0 + np.where(time_s < 1800.0, warm, cool),
     }
-    (finding,) = named(check_record(Record("t", channels), Motor("M")), "losses_absent")
+    (finding,) = checked(Record("t", channels), Motor("M"), "losses_absent")
     section, line = LINE.findall(finding.remedy)[0]
     text = f'[motor]\nname = "M"\n{section}\n{line}\n'
     (part,) = parts_of(Record("t", channels), parse_motor(text.encode(), "motor.toml"))
     begin_s = -600.0 * np.log(np.exp(-3.0) + 5.0 / 60.0)  # from here on it warms by 5 K
     assert part.time_s[0] == pytest.approx(begin_s, abs=15.0)
     assert part.time_s[-1] == time_s[-1]
-    assert not named(check_record(part, Motor("M")), "losses_absent")
+    assert not checked(part, Motor("M"), "losses_absent")
 
 
 @pytest.mark.parametrize("name", ["drive", "a b", 'say "x"', "à\u2028b", "bell\x07", "rubout\x7f"])
@@ -153,7 +153,7 @@ def advice_on_missing(channel: str, *blocks: tuple[float, float], masks=()) -> s
     record = replace(CLEAN, name="t", masks=masks)
     for begin, end in blocks:
         record = edited(record, channel, begin, end, np.nan)
-    (found,) = named(check_record(record, MOTOR), "nan_block")
+    (found,) = checked(record, MOTOR, "nan_block")
     assert found.severity == "error"
     return found.remedy
 

@@ -20,20 +20,6 @@ from heatrun.commands import all_commands
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 
 
-HELP = [["--help"], *([name, "--help"] for name in all_commands())]
-
-
-@pytest.mark.parametrize("words", HELP, ids=lambda words: words[0])
-def test_every_help_is_printed(words, capsys):
-    with pytest.raises(SystemExit) as end:
-        cli.main(words)
-    assert end.value.code == 0
-    said = " ".join(capsys.readouterr().out.split())
-    assert "usage: heatrun" in said
-    if words == ["--help"]:
-        assert "parameters with 95 % intervals" in said
-
-
 def test_the_bare_name_lists_the_commands(capsys):
     assert cli.main([]) == 2
     said = capsys.readouterr()

@@ -92,12 +92,6 @@ def test_effects_without_their_channel_are_said_to_be_unavailable(blocks):
     assert [c.test for c in events] == [0]
 
 
-def test_a_users_file_of_effects_is_taken_in():
-    kinds = all_effects([MINE])
-    assert kinds[-1].card.id == "cabinet_heater"
-    assert kinds[:-1] == EFFECTS
-
-
 @pytest.mark.parametrize(
     ("text", "said"),
     [

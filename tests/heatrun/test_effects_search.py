@@ -31,7 +31,7 @@ FEW = ("speed_cooling", "sensor_lag", "rotor_node", "ambient_drift", "stray_load
 def two(hidden_bench):
     """A machine with a fan on its shaft and a sensor that lags."""
     case, motor, (staircase, _), tests = machine(
-        hidden_bench, ("speed_cooling", "sensor_lag"), 41, amplitude=1.0
+        hidden_bench, ("speed_cooling", "sensor_lag"), 43, amplitude=1.0
     )
     return case, motor, [staircase], tests
 
@@ -76,18 +76,12 @@ def test_the_gap_is_closed_without_an_absurd_size(two, searched):
     assert values["Req_w"] == pytest.approx(case.machine.Req_w, rel=0.15)
 
 
-def test_a_trace_neither_enters_the_model_nor_takes_the_place_of_an_effect(hidden_bench):
+def test_a_trace_neither_enters_the_model_nor_takes_the_place_of_an_effect(searched):
     """A shift of 2 s that closes 0.02 K is asked for by 40 nat, once the lag is in the model: no
     lag of a sensor is quite of first order. It closes nothing of what the fan does.
     """
-    _, motor, (staircase, _), _ = machine(
-        hidden_bench, ("speed_cooling", "sensor_lag"), 43, amplitude=1.0
-    )
-    model = Model.of("second", motor).scaled(motor, [staircase])
-    found = find(model, motor, [model.with_bodies(staircase)])
-    assert "time_shift" in found.best.ids
-    assert set(found.ids) == {"speed_cooling", "sensor_lag"}
-    assert all(found.probability(each) > 0.95 for each in found.core.effects)
+    assert "time_shift" in searched.best.ids
+    assert "time_shift" not in searched.ids
 
 
 @pytest.fixture(scope="module")
@@ -237,8 +231,8 @@ def test_what_is_allowed_for_is_told_apart_from_what_is_named(searched):
     assert said.sentence.startswith("Missing: sensor_lag, allowing for speed_cooling. So extended")
 
 
-def test_an_event_in_two_tests_is_in_both(hidden_bench):
-    _, motor, tests, _ = machine(hidden_bench, ("speed_cooling",), 41, amplitude=1.0)
+def test_an_event_in_two_tests_is_in_both(two):
+    _, motor, _, (*tests, _) = two
     model = Model.of("second", motor).scaled(motor, tests)
     rows = [model.with_bodies(test) for test in tests]
     library, extended = with_catalogue(model, motor, rows, (CoolingStep,))

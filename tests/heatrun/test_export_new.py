@@ -25,7 +25,6 @@ from heatrun.simulation import read_parameters
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 PARAMETERS = "Ceq_w = 666.75\nCeq_sr = 15060.1\nReq_w = 0.14485\nReq_sr = 0.11625\n"
-NAMES = ["t", "Is", "Pd", "Te", "Tw_m", "speed_rpm"]
 
 
 @pytest.fixture

@@ -121,13 +121,6 @@ def test_a_held_out_test_starts_at_its_first_readings(day):
     assert test.values["Tsr_start"] == pytest.approx(test.values["Tw_start"], abs=1.0)
 
 
-def test_the_same_run_gives_the_same_bytes_again(day):
-    first = export_mat(Path("run"))["files"]
-    before = [Path(file).read_bytes() for file in first]
-    assert export_mat(Path("run"))["files"] == first
-    assert [Path(file).read_bytes() for file in first] == before
-
-
 def test_the_command_prints_one_object(day, capsys):
     words = ["export", "run", "--to", "mat", "--out", "out", "--test", "step", "--json"]
     assert cli.main(words) == 0
@@ -325,10 +318,36 @@ def test_effects_that_the_run_averages_over_and_the_file_lacks_are_said(day, mon
     assert findings(0.0, {"winding_node": 0.7}) == findings(8.0, {}) == []
 
 
-def test_a_changed_record_is_refused(day):
-    with Path("duty.csv").open("a") as file:
-        file.write("\n")
-    with pytest.raises(InputError, match=r"duty\.csv has changed since the run: SHA-256"):
+def of_capacity(value):
+    def spoil(result):
+        result["models"]["second"]["parameters"]["Ceq_w"]["value"] = value
+
+    return spoil
+
+
+OF_FIT = {
+    **{f"no {key}": (lambda result, key=key: result.pop(key), "fit.json of the run cannot be read")
+       for key in ("motor", "tests", "models")},
+    "a capacity of text": (of_capacity("x"), "cannot be read"),
+    "no capacity": (of_capacity(None), "cannot be read"),
+    "a capacity below zero": (of_capacity(-1.0), "expected Ceq_w above 0, got -1"),
+    "no calibrated test": (lambda result: result["tests"].pop(0), "no test that was calibrated on"),
+}  # fmt: skip
+OF_FILES = {
+    "duty.csv": ("of another day", r"duty\.csv has changed since the run: SHA-256"),
+    **{f"run/manifest.json {number}": (text, r"manifest\.json") for number, text in enumerate(
+        ("", "[]", '{"inputs": [{"path": 3}]}', '{"inputs": []}'))},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", OF_FIT | OF_FILES)
+def test_a_run_that_is_damaged_is_refused(day, case):
+    spoil, said = (OF_FIT | OF_FILES)[case]
+    if case in OF_FIT:
+        edit(Path("run/fit.json"), spoil)
+    else:
+        Path(case.split(" ")[0]).write_text(spoil)
+    with pytest.raises(InputError, match=said):
         export_mat(Path("run"), folder=Path("out"))
     assert not Path("out").exists()
 
@@ -359,30 +378,6 @@ def test_an_effect_from_a_file_of_the_user_is_refused_by_name(day):
     assert not Path("out").exists()
 
 
-@pytest.mark.parametrize("key", ["motor", "tests", "models"])
-def test_a_run_that_lacks_a_part_is_refused(day, key):
-    edit(Path("run/fit.json"), lambda result: result.pop(key))
-    with pytest.raises(InputError, match=r"fit\.json of the run cannot be read"):
-        export_mat(Path("run"))
-
-
-@pytest.mark.parametrize(("value", "said"), [("x", "cannot be read"), (None, "cannot be read"),
-                                             (-1.0, "expected Ceq_w above 0, got -1")])  # fmt: skip
-def test_a_capacity_that_is_none_is_refused(day, value, said):
-    def spoil(result):
-        result["models"]["second"]["parameters"]["Ceq_w"]["value"] = value
-
-    edit(Path("run/fit.json"), spoil)
-    with pytest.raises(InputError, match=said):
-        export_mat(Path("run"))
-
-
-def test_a_run_without_a_calibrated_test_is_refused(day):
-    edit(Path("run/fit.json"), lambda result: result["tests"].pop(0))
-    with pytest.raises(InputError, match="no test that was calibrated on"):
-        export_mat(Path("run"))
-
-
 def test_a_torque_offset_needs_the_speed(day, monkeypatch):
     found = read_run_test(Path("run"))
     offset = replace(found, values={**found.values, "torque_offset": 0.5})
@@ -392,13 +387,6 @@ def test_a_torque_offset_needs_the_speed(day, monkeypatch):
     offset = replace(offset, record=replace(found.record, channels=silent))
     with pytest.raises(InputError, match="corrects the torque, and this test has no speed_rpm"):
         export_mat(Path("run"), folder=Path("out"))
-
-
-@pytest.mark.parametrize("text", ["", "[]", '{"inputs": [{"path": 3}]}', '{"inputs": []}'])
-def test_a_damaged_manifest_is_refused(day, text):
-    Path("run/manifest.json").write_text(text)
-    with pytest.raises(InputError, match=r"manifest\.json"):
-        export_mat(Path("run"))
 
 
 def test_a_file_of_someone_else_is_left_alone(day):

@@ -253,15 +253,6 @@ def test_the_two_resistances_are_recovered():
         assert sd * parameter.sd < 0.02, name  # of the logarithm; the prior has 1.3 and more
 
 
-def test_text_reads_back_to_the_same_network():
-    for sink in ("ambient", "coolant"):
-        form = network_named("cooled").with_main_sink(sink)
-        again = network_of(network_text(form), "again")
-        assert again == form
-        assert again.sinks == form.sinks
-    assert network_named("second").sinks == ("ambient",)
-
-
 @pytest.mark.parametrize(
     ("sinks", "link", "said"),
     [

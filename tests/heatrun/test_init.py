@@ -224,22 +224,6 @@ def test_the_mean_of_the_room_in_a_title_row_is_offered(here, table):
 PRINTED = DATA / "thesis" / "worksheet.csv"
 
 
-def as_worksheet(table: pd.DataFrame, path: Path) -> Path:
-    """The bundled duty in the columns of the printed worksheet, its ambient one value alone."""
-    head = PRINTED.read_text(encoding="utf-8").split("\n")[0].split(",")
-    made = pd.DataFrame({name: np.nan for name in head}, index=table.index)
-    made["row"] = table.index + 12
-    for name, source in (("t [s]", "t"), ("Tw [degC]", "Tw_m"), ("P [W]", "Pd"), ("Is [A]", "Is")):
-        made[name] = table[source]
-    made["Rs [ohm]"] = 0.0062 * (234.5 + made["Tw [degC]"]) / 259.5
-    made["Pjs [W]"] = 3 * made["Is [A]"] ** 2 * made["Rs [ohm]"]
-    made["Pol [W]"] = made["P [W]"] - made["Pjs [W]"]
-    made["Req DC [ohm]"] = 1.02 * (234.5 + made["Tw [degC]"]) / 259.5
-    made.loc[0, "Tw mod [degC]"] = table["Te"].mean()
-    made.to_csv(path, index=False)
-    return path
-
-
 def test_the_worksheet_of_the_thesis_is_recognised_as_printed():
     found = survey(PRINTED)
     assert {one.channel: one.column for one in found.recognised} == {
@@ -251,19 +235,6 @@ def test_the_worksheet_of_the_thesis_is_recognised_as_printed():
     made = draft("m", [found])
     text = made.split("\n[constants]\n")[1].split("\n[sensors]\n")[0]
     assert tomllib.loads(uncommented(text, "ambient_degC"))["ambient_degC"] == 19.35772099
-
-
-def test_a_worksheet_needs_two_numbers_and_no_column(here, table, capsys):
-    as_worksheet(table, here / "sheet.csv")
-    assert init("sheet.csv") == 0
-    text = with_resistance(Path("motor.toml").read_text())
-    head, _, tail = text.partition("\n[constants]\n")
-    Path("motor.toml").write_text(f"{head}\n[constants]\n{uncommented(tail, 'ambient_degC')}")
-    capsys.readouterr()
-    assert cli.main(["check", "motor.toml", "sheet.csv"]) == 0
-    assert "will do for a second-order calibration" in capsys.readouterr().out
-    record = read_test("sheet.csv", load_motor("motor.toml"))
-    np.testing.assert_allclose(record["ambient_degC"], table["Te"].mean(), rtol=1e-12)
 
 
 def test_few_of_the_worksheets_names_are_not_taken_for_it(tmp_path, table):

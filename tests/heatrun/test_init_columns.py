@@ -170,14 +170,6 @@ def test_three_of_the_housing_do_not_go_before_the_winding(tmp_path):
     assert sides[:2] == ["T4 [degC]", "mean(T1, T2, T3)"]
 
 
-def test_three_phase_currents_are_one(tmp_path):
-    columns = {f"I{n} [A]": CURRENT * (0.99 + 0.01 * n) for n in (1, 2, 3)}
-    base = {name: values for name, values in WITH_CURRENT.items() if name != "phase_current_A"}
-    path = named(tmp_path, base | columns | {"winding_degC": WINDING})
-    text = text_of(path)
-    assert offered(text, "phase_current_A")[0] == "mean(I1, I2, I3)"
-
-
 def test_channels_of_a_measurement_file_are_averaged_too(tmp_path):
     time = TIME_S
     logged = [signal(f"TC_Wdg_{p}", v, time, "°C") for p, v in zip("UVW", UVW, strict=True)]
@@ -464,12 +456,6 @@ def test_the_cold_resistance_is_that_of_the_start_where_the_machine_is_cold(
     accepted = draft("coil", [survey(named(tmp_path, columns))], is_accepted=True)
     assert ("phase_resistance_ohm = 4.0" in accepted) == is_told
     assert ("# phase_resistance_ohm =" in accepted) != is_told
-
-
-def test_the_link_of_a_drive_that_turns_is_no_winding(tmp_path):
-    columns = {"U_dc [V]": OHM * 1.5, "I_dc [A]": ZERO + 1.5, "speed [rpm]": ZERO + 900.0}
-    path = named(tmp_path, {"time_s": TIME_S, "T_Raum [degC]": ROOM} | columns)
-    assert offered(text_of(path), "winding_voltage_V") == []
 
 
 SUPPLY = ZERO + 48.0

@@ -11,8 +11,6 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from heatrun.cli import main
 from heatrun.commands.words import LARGEST_SEED, seed
@@ -171,17 +169,6 @@ def test_no_file(tmp_path):
         load_motor(tmp_path / "none.toml")
     with pytest.raises(InputError, match="got a directory"):
         load_motor(tmp_path)
-
-
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(cut=st.integers(0, len(FULL)), inserted=st.text(max_size=6))
-def test_a_broken_file_raises_our_error_alone(tmp_path, cut, inserted):
-    problem, motor = None, None
-    try:
-        motor = load(tmp_path, FULL[:cut] + inserted)
-    except InputError as error:
-        problem = error
-    assert motor is not None if problem is None else str(tmp_path) in problem.where
 
 
 @pytest.mark.parametrize(

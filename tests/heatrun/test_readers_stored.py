@@ -214,21 +214,6 @@ def test_units_that_pandas_keeps_for_a_frame(tmp_path):
         assert read_record(path)["torque_Nm"].tolist() == [1e-3] * N
 
 
-def test_damaged_classic_netcdf_raises_our_error_alone(tmp_path):
-    path = netcdf3(tmp_path / "test.nc", VARIABLES)
-    whole = path.read_bytes()
-    rng = np.random.default_rng(5)
-    for _ in range(300):
-        broken = bytearray(whole)
-        for _ in range(rng.integers(1, 4)):
-            broken[rng.integers(4, 600)] = rng.integers(256)
-        path.write_bytes(broken[: rng.integers(4, len(whole))] if rng.random() < 0.3 else broken)
-        try:
-            read_record(path, MOTOR)
-        except InputError:
-            continue
-
-
 def test_a_bomb_in_classic_netcdf(tmp_path):
     path = netcdf3(tmp_path / "test.nc", VARIABLES)
     whole = path.read_bytes()

@@ -9,7 +9,7 @@ import emcee
 import numpy as np
 import pytest
 from scipy.special import logsumexp
-from scipy.stats import gamma, genpareto, kstest, norm
+from scipy.stats import gamma, kstest, norm
 
 from heatrun.fit.fit import fit
 from heatrun.model.draws import NUM_NOISE
@@ -48,27 +48,6 @@ def pareto_shape(log_weight: np.ndarray) -> float:
     return pareto_smoothed(log_weight).pareto_k
 
 
-@pytest.mark.parametrize("shape", [0.2, 0.5, 0.9, 1.4])
-def test_the_pareto_k_of_a_pareto_law_is_its_shape(shape):
-    """And that of SciPy's maximum likelihood, which was used before, on the same tail."""
-    rng = np.random.default_rng(3)
-    weight = genpareto.rvs(shape, size=16_000, random_state=rng)
-    found = pareto_shape(np.log(weight))
-    num_tail = int(3 * np.sqrt(weight.size))
-    error = (1.0 + shape) / np.sqrt(num_tail)  # of the maximum likelihood estimate
-    assert abs(found - shape) < 3 * error
-    ordered = np.sort(weight)
-    by_scipy = genpareto.fit(ordered[-num_tail:] - ordered[-num_tail - 1], floc=0.0)[0]
-    # one tail, so the errors are shared: ArviZ draws k towards 0.5 by ten draws' worth
-    assert abs(found - by_scipy) < 0.3 * error + 10.0 / num_tail * abs(by_scipy - 0.5)
-
-
-def test_the_pareto_k_tells_light_tails_from_heavy_ones():
-    rng = np.random.default_rng(0)
-    assert pareto_shape(np.log(rng.uniform(0.5, 1.5, 4000))) < 0.3
-    assert pareto_shape(np.log(rng.pareto(1.0, 4000))) > 0.7
-
-
 def test_weights_without_a_tail_are_never_sound():
     alone = np.full(4096, -np.inf)
     alone[7] = 0.0
@@ -77,39 +56,6 @@ def test_weights_without_a_tail_are_never_sound():
     rng = np.random.default_rng(5)
     with_zeros = np.where(rng.random(4096) < 0.01, -np.inf, rng.standard_normal(4096))
     assert 0.0 < pareto_shape(with_zeros) < 0.5  # lognormal weights
-
-
-def test_smoothed_weights_are_quantiles_of_a_pareto_law_above_the_body():
-    rng = np.random.default_rng(6)
-    log_weight = np.log(genpareto.rvs(0.6, size=4096, random_state=rng)) + 3.0
-    found = pareto_smoothed(log_weight)
-    order = np.argsort(log_weight)
-    num_tail = int(np.ceil(3 * np.sqrt(4096)))
-    body, tail = order[:-num_tail], order[-num_tail:]
-    assert logsumexp(found.log_weight) == pytest.approx(0.0, abs=1e-12)
-    # up to one factor the body is as it was, and the order is that of the raw weights
-    shift = found.log_weight[body] - log_weight[body]
-    np.testing.assert_allclose(shift, shift[0], atol=1e-10)
-    assert np.all(np.diff(found.log_weight[order]) >= 0.0)
-    excess = np.exp(found.log_weight[tail]) - np.exp(found.log_weight[body[-1]])
-    places = (np.arange(num_tail) + 0.5) / num_tail
-    law = genpareto.ppf(places, found.pareto_k)
-    scale = excess[num_tail // 2] / law[num_tail // 2]
-    # the largest may be cut to the largest raw weight
-    np.testing.assert_allclose(excess[:-3], scale * law[:-3], rtol=1e-6)
-
-
-def test_smoothed_weights_err_less_than_raw_ones():
-    """The second moment of a normal law from draws of half its variance: k = 0.5 at the edge."""
-    truth, raw, smoothed = 1.0, [], []
-    for seed in range(300):
-        x = np.sqrt(0.5) * np.random.default_rng(seed).standard_normal(1000)
-        log_weight = norm.logpdf(x) - norm.logpdf(x, scale=np.sqrt(0.5))
-        weight = np.exp(log_weight - logsumexp(log_weight))
-        raw.append(weight @ x**2)
-        smoothed.append(np.exp(pareto_smoothed(log_weight).log_weight) @ x**2)
-    by_raw, by_smoothed = (np.sqrt(np.mean((np.array(e) - truth) ** 2)) for e in (raw, smoothed))
-    assert by_smoothed < 0.9 * by_raw
 
 
 def test_importance_samples_carry_smoothed_weights_and_evidence_of_raw_ones(short):
@@ -263,9 +209,9 @@ def test_importance_samples_of_another_law_are_told(moved, wider, is_one):
 
 
 def test_ensembles_of_one_law_are_seldom_held_apart():
-    """Once in a hundred by chance: of 60 looks at 13 parameters, 4 or more have p = 0.003."""
-    held = [judge(autoregressive(100 + i, 400, 13)).agreement < AGREEMENT_WANTED for i in range(60)]
-    assert sum(held) <= 3
+    """Once in a hundred by chance: of 30 looks at 13 parameters, 3 or more have p = 0.003."""
+    held = [judge(autoregressive(100 + i, 400, 13)).agreement < AGREEMENT_WANTED for i in range(30)]
+    assert sum(held) <= 2
 
 
 def test_rhat_is_the_largest_of_means_and_tails_as_arviz_has_it():
@@ -328,20 +274,6 @@ def test_walkers_that_never_move_have_not_converged():
 SIZE, WALKERS, STEPS = 16, 64, 4000
 
 
-def test_a_normal_law_keeps_its_mean_and_variance():
-    """Some 60 000 effective draws of a variance: its error is 0.6 %; emcee's snooker took 5 %."""
-    sampler = emcee.EnsembleSampler(
-        WALKERS, SIZE, lambda rows: -0.5 * np.sum(rows**2, axis=1), vectorize=True,
-        moves=evolution(),
-    )  # fmt: skip
-    start = np.random.default_rng(0).standard_normal((WALKERS, SIZE))
-    random_state = np.random.RandomState(1).get_state()
-    sampler.run_mcmc(emcee.State(start, random_state=random_state), STEPS)
-    chain = sampler.get_chain(discard=500, flat=True)
-    assert abs(np.mean(chain.var(axis=0)) - 1.0) < 0.02
-    assert np.max(np.abs(chain.mean(axis=0))) < 0.1
-
-
 def with_a_long_tail(rows):
     """Return the log density of normal scores, of which the first of the noise has a tail.
 
@@ -373,16 +305,6 @@ def test_scores_of_the_noise_from_their_prior_keep_the_law():
     assert abs(tail.mean() - mean) < 0.02
     assert abs(tail.std() / sd - 1.0) < 0.02
     assert abs(np.mean(others.var(axis=(0, 1))) - 1.0) < 0.03
-
-
-def test_they_move_one_score_of_the_noise_and_nothing_else():
-    coordinates = np.zeros((400, SIZE))
-    moved, factors = of_noise(coordinates, np.random.RandomState(0))
-    changed = moved != coordinates
-    assert np.all(changed.sum(axis=1) == 1)
-    assert not np.any(changed[:, :-NUM_NOISE])
-    assert np.all(changed[:, -NUM_NOISE:].any(axis=0))
-    np.testing.assert_allclose(factors, 0.5 * np.sum(moved**2, axis=1))
 
 
 @pytest.mark.filterwarnings("ignore:overflow:RuntimeWarning")  # theirs

@@ -170,9 +170,6 @@ def test_the_manifest_keeps_the_identity(tmp_path):
     assert len(said[0]) == 64  # SHA-256 in hexadecimal digits
 
 
-MOTOR = '[motor]\nname = "M"\n[winding]\nphase_resistance_ohm = 0.0062\n'
-
-
 @pytest.mark.parametrize("num_steps", [800, 1200, 2000, 4000, 9600])
 @pytest.mark.parametrize("num_walkers", [64, 66])
 def test_every_walker_is_among_the_kept_draws(num_steps, num_walkers):

@@ -144,20 +144,6 @@ def test_the_physics_does_not_load_diffrax():
 
 
 @pytest.mark.parametrize("kind", ["balance", "map"])
-def test_the_state_matrix_of_one_node_is_that_by_hand(kind):
-    C, R = 12_500.0, 0.132
-    losses = CopperLosses(Rs0=jnp.asarray(RS0), kind=kind)
-    at = linearise(lptn.first_order(C, R), losses, drive(), {"winding": 80.0})
-    feedback = K if kind == "map" else 0.0
-    heat = POWER + (K * B if kind == "map" else 0.0)
-    np.testing.assert_allclose(at.A, [[(feedback - 1.0 / R) / C]], rtol=1e-12)
-    np.testing.assert_allclose(at.offset, [(heat + SINK / R) / C], rtol=1e-12)
-    np.testing.assert_allclose(
-        lptn.time_constants(at.A), [R * C / (1.0 - feedback * R)], rtol=1e-12
-    )
-
-
-@pytest.mark.parametrize("kind", ["balance", "map"])
 def test_the_state_matrix_of_two_nodes_is_that_by_hand(kind, network):
     losses = CopperLosses(Rs0=jnp.asarray(RS0), kind=kind)
     at = linearise(network, losses, drive(), {"winding": 80.0, "stator": 60.0})

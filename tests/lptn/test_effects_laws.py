@@ -271,24 +271,20 @@ def test_a_shift_reads_between_the_edges_of_equal_intervals_as_of_any(delay):
 
 Ceq_w, Ceq_sr, Req_w, Req_sr = 666.75, 15060.1, 0.14485, 0.11625
 ONE = lptn.first_order(Ceq_w + Ceq_sr, Req_sr)
-SHARE = Ceq_w / (Ceq_w + Ceq_sr)
 SAME = {"x": Req_w / Req_sr, "tau": Req_w * Ceq_w * Ceq_sr / (Ceq_w + Ceq_sr)}
 """By hand: two bodies through a resistance even out with R C1 C2/(C1 + C2)."""
 
 START = {"winding": jnp.asarray(21.0)}
 BOTH = {"winding": jnp.asarray(21.0), "stator": jnp.asarray(21.0)}
 
-beside = pytest.mark.parametrize(
-    ("kind", "values"),
-    [
-        (SpeedCooling, {"g": 1.5, "m": 0.8}),
-        (AcCopperLoss, {"k": 0.5}),
-        (NeighbourBody, {"C": 5000.0, "tau": 1500.0}),
-        (HousingNode, {"x": 0.4, "tau": 300.0}),
-        (RotorNode, {"P": 40.0, "rise": 9.0, "tau": 900.0, "n": 1.0, "m": 0.5}),
-    ],
-    ids=lambda value: getattr(getattr(value, "card", None), "id", None),
-)
+BESIDE = [
+    (SpeedCooling, {"g": 1.5, "m": 0.8}),
+    (AcCopperLoss, {"k": 0.5}),
+    (NeighbourBody, {"C": 5000.0, "tau": 1500.0}),
+    (HousingNode, {"x": 0.4, "tau": 300.0}),
+    (RotorNode, {"P": 40.0, "rise": 9.0, "tau": 900.0, "n": 1.0, "m": 0.5}),
+]
+NAMES = [kind.card.id for kind, _ in BESIDE]
 
 
 @pytest.mark.parametrize("loss_kind", ["balance", "map"])
@@ -304,7 +300,13 @@ def test_the_first_order_with_it_is_the_second(loss_kind, short):
     )
 
 
-@beside
+# two by `make test`, the others by `make test-slow`
+@pytest.mark.parametrize(
+    ("kind", "values"),
+    [pytest.param(*case, marks=() if place % 3 == 0 else pytest.mark.slow)
+     for place, case in enumerate(BESIDE)],
+    ids=NAMES,
+)  # fmt: skip
 def test_at_its_null_any_other_effect_does_what_it_does_to_one_node(kind, values, short, losses):
     """A winding that is not there must not bend the signature of what is."""
     gone = [(WindingNode, {"x": 0.0, "tau": 80.0}), (kind, values)]
@@ -314,13 +316,11 @@ def test_at_its_null_any_other_effect_does_what_it_does_to_one_node(kind, values
     np.testing.assert_allclose(both, alone, rtol=0.0, atol=1e-8)
 
 
-@beside
-@pytest.mark.parametrize("order", ["before", "after"])
-def test_beside_it_any_other_effect_does_what_it_does_to_two_nodes(
-    kind, values, order, short, losses
-):
-    wanted = [(WindingNode, SAME), (kind, values)]
-    wanted = wanted if order == "before" else wanted[::-1]
+@pytest.mark.parametrize("place", range(len(BESIDE)), ids=NAMES)
+def test_beside_it_any_other_effect_does_what_it_does_to_two_nodes(place, short, losses):
+    """Named before it or after it, in turn."""
+    kind, values = BESIDE[place]
+    wanted = [(WindingNode, SAME), (kind, values)][:: -1 if place % 2 else 1]
     second = lptn.second_order(Ceq_w, Ceq_sr, Req_w, Req_sr)
     both = reading(ONE, losses, short, START, effects=build_all(wanted, ONE))
     expected = reading(second, losses, short, BOTH, effects=[build(kind, values, second)])

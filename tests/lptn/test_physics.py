@@ -19,7 +19,6 @@ from lptn import (
     Drive,
     Inputs,
     copper_loss,
-    first_order,
 )
 from lptn.stepping import heat_balance, rates
 
@@ -43,19 +42,6 @@ def linear(network, losses, drive):
 def slopes(network, losses, current=0.0, losses_W=0.0):
     drive = Drive.constant(current_squared=current**2, losses=losses_W, ambient=20.0)
     return map(np.asarray, linear(network, losses, drive))
-
-
-def test_one_node_under_a_map_warms_by_its_own_resistance():
-    C, R, P, current = 12_500.0, 0.132, 200.0, 90.0
-    losses = CopperLosses(Rs0=jnp.asarray(0.0062), kind="map")
-    k = float(losses.slope(jnp.asarray(current**2)))
-    inputs = constant(2.0, current=current, losses=P)
-    trace = simulate(first_order(C, R), losses, inputs, {"winding": 20.0})
-    steady = (P + k * B + 20.0 / R) / (1.0 / R - k)
-    decay = np.exp(-(1.0 / R - k) / C * np.asarray(trace.time))
-    exact = steady + (20.0 - steady) * decay
-    # (h/tau)^3/24 of a change of 60 K: 1e-8 K
-    np.testing.assert_allclose(trace.temperature["winding"], exact, atol=1e-7)
 
 
 def test_conductances_are_symmetric_and_leave_to_the_sink_alone(four_nodes):
