@@ -215,6 +215,23 @@ def test_what_half_of_the_evidence_does_not_ask_for_is_allowed_for(search):
     assert tried.fullest(none) is none  # an effect beside none is averaged over, not in the model
 
 
+def test_all_of_the_evidence_decides_between_what_half_of_it_leaves_possible(search):
+    fan, lag, rotor = (next(e for e in search.candidates if e.id == name)
+                       for name in ("speed_cooling", "sensor_lag", "rotor_node"))  # fmt: skip
+    z = search.fitted[frozenset()].z
+    none, here, rival, more = map(frozenset, ([], [fan], [lag], [lag, rotor]))
+    weights = {none: 5.0, here: 0.0, rival: -1.0, more: 1.0}
+    told = {e: replace(search.fit(e, z), log_weight=weight) for e, weight in weights.items()}
+    tried = replace(search, fitted=told)
+    tried.around = lambda member: {member.effects: 1.0}
+    chosen, around = tried.decided(told[here], {here: 0.7, rival: 0.2, none: 0.1})
+    assert (chosen.effects, around) == (rival, {rival: 1.0})
+    unlikely = {here: 0.7, rival: 0.04, none: 0.26}
+    assert tried.decided(told[here], unlikely) == (told[here], unlikely)
+    told[here | {rotor}] = replace(told[more], effects=here | {rotor}, log_weight=2.0)
+    assert tried.decided(told[here], {here: 0.5, rival: 0.5})[0].effects == here
+
+
 def test_what_is_allowed_for_is_told_apart_from_what_is_named(searched):
     fan = next(each for each in searched.core.effects if each.id == "speed_cooling")
     less = searched.search.fitted[searched.core.effects - {fan}]

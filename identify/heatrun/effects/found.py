@@ -24,7 +24,7 @@ from ..record.blocks import Blocks
 from ..record.motor import Motor
 from ..record.record import Finding
 from .engine import Candidate, Engine, Library, Refit, library, without_resistance
-from .search import Member, Search, Set
+from .search import POSSIBLE, Member, Search, Set
 
 
 def with_catalogue(
@@ -67,9 +67,6 @@ FAR = 4.0
 
 MOST_FROM_FAR = 25
 """Of a search from there."""
-
-POSSIBLE = 0.05
-"""Probability from which on another network is told as possible [1]."""
 
 
 @dataclass(frozen=True)
@@ -210,7 +207,7 @@ def find(
             if place is not None:
                 z[place] = score
     best = search.run(z)
-    core, around = search.settled(best)
+    core, around = search.decided(*search.settled(best))
     full = search.fullest(core)
     alone = start or as_fit(search, search.fitted[frozenset()], model)
     chosen = as_fit(search, full, model) if full.effects else alone

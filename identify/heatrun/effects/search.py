@@ -71,6 +71,9 @@ COARSE = 0.5
 """Share of the evidence that counts for what is in the model [1]: what the laws of the effects
 leave open of a real machine is of the size of the noise that is left, and no noise."""
 
+POSSIBLE = 0.05
+"""Probability from which on another set is told as possible [1]."""
+
 
 @dataclass(frozen=True)
 class Member:
@@ -368,6 +371,27 @@ class Search:
         shares = np.exp(found - np.logaddexp.reduce(found))
         return dict(zip(fitted, shares.tolist(), strict=True))
 
+    def decided(self, core: Member, around: dict[Set, float]) -> tuple[Member, dict[Set, float]]:
+        """Return which of the sets that the coarse evidence leaves possible is in the model.
+
+        All of the evidence decides: it is the one that the most probable set holds.
+
+        Args:
+            core: The set that the coarse evidence asks for.
+            around: Its rivals with their probabilities, as `around`.
+        """
+        here = core.effects
+        rivals = [each for each, p in around.items() if p > POSSIBLE and not each < here]
+        chosen = max([here, *rivals], key=lambda each: self._holding(each).log_weight)
+        if chosen == here:
+            return core, around
+        return self.fitted[chosen], self.around(self.fitted[chosen])
+
+    def _holding(self, effects: Set) -> Member:
+        """Return the most probable of the fitted sets that hold one."""
+        holding = (each for each in self.fitted.values() if each.effects >= effects)
+        return max(holding, key=lambda each: each.log_weight)
+
     def fullest(self, core: Member) -> Member:
         """Return the most probable of the fitted sets that hold one; of none, the empty one.
 
@@ -375,8 +399,7 @@ class Search:
         """
         if not core.effects:
             return core
-        holding = [each for each in self.fitted.values() if each.effects >= core.effects]
-        full = max(holding, key=lambda each: each.log_weight)
+        full = self._holding(core.effects)
         reached_K = self.reached_K(full)
 
         def matters(_: Member, fewer: Member) -> bool:
