@@ -300,9 +300,9 @@ class Page:
         """Offer the signals of the tests, and say what they lack for the test type."""
         card = CARDS[self.kind]
         missing = [
-            f"{each.record.name} holds no {need.meaning}, which this test type needs."
+            f"{each.record.name} holds no {lack}, which this test type needs."
             for each in self.opened
-            for need in card.missing(each.record)
+            if (lack := card.lacks(each.record))
         ]
         self.reporting.say_missing(missing)
         self._sidebar.offer_signals(self.opened, self._draw)
