@@ -9,7 +9,7 @@ from pathlib import Path
 
 from heatrun.errors import InputError, UsageError
 from heatrun.io.open_file import digest
-from heatrun.io.own_files import is_run_folder, own_file_at
+from heatrun.io.own_files import ENDINGS, is_run_folder, own_file_at
 from heatrun.io.texts import LANGUAGES, Texts
 from heatrun.io.whole_files import together, writable, write_whole
 from heatrun.readers.joined import read_tests
@@ -302,12 +302,6 @@ def check_use(
         option = " or --run RUN" if kind == "virtual" else ""
         raise UsageError(f"a {kind} report needs --reference FILE{option}.")
 
-
-ENDINGS = (
-    *(".csv", ".txt", ".dat", ".tsv", ".asc", ".mat", ".parquet", ".mf4", ".mdf", ".tdms"),
-    *(".xlsx", ".xlsm"),
-)
-"""Endings of bench files, alone or with `.gz`."""
 
 NO_TESTS = (
     "readme",
