@@ -195,9 +195,6 @@ class Opened:
     """A record and the state of its file when it was read.
 
     Attributes:
-        record: The test.
-        path: Its file.
-        stamp: State of the file when it was read.
         others: The columns of numbers that are no channel, by name; None where they were not read.
         notice: What happened to a growing file, as a sentence, or empty.
         is_part: The file was being written; this is what of it was whole.

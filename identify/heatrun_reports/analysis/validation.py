@@ -83,12 +83,6 @@ def tolerance_of(
     their combined uncertainty. The larger one is the tolerance, since a difference that does not
     matter is no disagreement, and one that the instruments cannot tell is none either. A tolerance
     that the user gives stands in place of both.
-
-    Args:
-        channel: The signal.
-        scale: What its difference matters against.
-        uncertainty: Combined standard uncertainty of both sides, in the unit of the channel.
-        given: The user's, by channel.
     """
     if channel in given:
         return Tolerance(given[channel], "given", "given")
