@@ -238,13 +238,9 @@ def _shaft_rows(found: ShaftEnergy | None, formula: str, *, of_vehicle: bool) ->
 
 
 RANGE_COLUMNS = (
-    Column("time", "min"),
-    Column("mean power in", "kW"),
-    Column("peak power", "kW"),
-    Column("mean at the shaft", "kW"),
-    Column("mean losses", "kW"),
-    Column("efficiency", "%"),
-)
+    Column("time", "min"), Column("mean power in", "kW"), Column("peak power", "kW"),
+    Column("mean at the shaft", "kW"), Column("mean losses", "kW"), Column("efficiency", "%"),
+)  # fmt: skip
 
 NO_LOAD = 0.02
 """Share of the largest shaft power below which the machine delivers nothing [1]: the zero of a
@@ -335,13 +331,9 @@ FINEST, COARSEST = 1e-2, 10.0
 """Steps of readings that are printed as they were logged; of others four digits say enough."""
 
 COLUMNS = (
-    Column("start"),
-    Column("end"),
-    Column("lowest"),
-    Column("mean"),
-    Column("highest"),
+    Column("start"), Column("end"), Column("lowest"), Column("mean"), Column("highest"),
     Column("missing", "%"),
-)
+)  # fmt: skip
 
 
 def recorded(record: Record) -> tuple[str, ...]:

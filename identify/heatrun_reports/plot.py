@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -36,11 +37,24 @@ MAX_POINTS = 3000
 """Points of a line: several per pixel of the printed width."""
 
 
-def stacked(heights: Sequence[float]) -> tuple[Figure, list[Axes]]:
-    """Return a figure of panels of some heights [in] under each other on one time axis."""
+def stacked(*panels: tuple[str, float]) -> tuple[Figure, list[Axes]]:
+    """Return a figure of panels, with label and height [in], under each other on one time axis."""
+    heights = [height for _, height in panels]
     figure = Figure(figsize=(WIDTH_IN, sum(heights) + 0.4))
-    grid = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=list(heights))
-    return figure, list(grid[:, 0])
+    grid = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)
+    axes = list(grid[:, 0])
+    for axis, (label, _) in zip(axes, panels, strict=True):
+        axis.set_ylabel(label, fontsize=8)
+    return figure, axes
+
+
+def with_differences(channel: str, *heights: float) -> tuple[Figure, list[Axes]]:
+    """Return panels of a signal and, below, of differences in it."""
+    label, below = (unit(channel, is_difference=is_below) for is_below in (False, True))
+    above = f"{wording(channel)}\n[{label}]"
+    figure, axes = stacked((above, heights[0]), (f"difference\n[{below}]", heights[1]))
+    axes[1].axhline(0.0, color="0.6", lw=0.6)
+    return figure, axes
 
 
 def thin(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -59,9 +73,22 @@ def thin(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return time_s[order] / 60.0, values[order]
 
 
-def line(axis: Axes, time_s: np.ndarray, values: np.ndarray, label: str, number: int = 0) -> None:
-    """Draw a course over minutes."""
-    axis.plot(*thin(time_s, values), color=CYCLE[number % len(CYCLE)], lw=0.9, label=label)
+def line(
+    axis: Axes, time_s: np.ndarray, values: np.ndarray, label: str = "", number: int = 0,
+    **look: Any,
+) -> None:  # fmt: skip
+    """Draw a course over minutes, in the colour of a number."""
+    look = {"color": CYCLE[number % len(CYCLE)], "lw": 0.9, "label": label, **look}
+    axis.plot(*thin(time_s, values), **look)
+
+
+def band(
+    axis: Axes, time_s: np.ndarray, sides: Limits, label: str = "", number: int = 0,
+    alpha: float = 0.2,
+) -> None:  # fmt: skip
+    """Draw what lies between two courses over minutes, in the colour of a number."""
+    colour = CYCLE[number % len(CYCLE)]
+    axis.fill_between(time_s / 60.0, *sides, color=colour, alpha=alpha, lw=0, label=label)
 
 
 def finish(axes: Sequence[Axes], *, is_over_time: bool = True) -> None:
@@ -136,12 +163,13 @@ def courses(record: Record, motor: Motor) -> Figure:
     full = with_powers(record, motor)
     panels = [[c for c in names if has(full, c)] for names in PANELS]
     panels = [names for names in panels if names]
-    figure, axes = stacked([1.5 if n[0].endswith("_degC") else 0.9 for n in panels])
+    symbols = [unit(names[0]) for names in panels]
+    figure, axes = stacked(
+        *((f"{QUANTITY[each]}\n[{each}]", 1.5 if each == "°C" else 0.9) for each in symbols)
+    )
     for axis, names in zip(axes, panels, strict=True):
         for number, name in enumerate(names):
             line(axis, *with_gaps(*samples(full, name)), wording(name), number)
-        symbol = unit(names[0])
-        axis.set_ylabel(f"{QUANTITY[symbol]}\n[{symbol}]", fontsize=8)
     finish(axes)
     return figure
 
@@ -154,15 +182,13 @@ def energy_course(record: Record, motor: Motor) -> Figure:
     """
     time_s, values = measured(record, electrical_power(record, motor).values)
     steps = bridged_steps(time_s)
-    figure, (top, bottom) = stacked([1.2, 1.35])
+    figure, (top, bottom) = stacked(("power [kW]", 1.2), ("energy so far [Wh]", 1.35))
     line(top, time_s, values / 1000.0, "electrical power")
     top.axhline(0.0, color="0.6", lw=0.6)
-    top.set_ylabel("power [kW]", fontsize=8)
     for number, (label, power) in enumerate(
         (("energy", values), ("without regeneration", np.maximum(values, 0.0)))
     ):
         line(bottom, time_s, integral(power, steps) / 3600.0, label, number)
-    bottom.set_ylabel("energy so far [Wh]", fontsize=8)
     finish([top, bottom])
     return figure
 
@@ -213,17 +239,13 @@ def _colour_bar(figure: Figure, axis: Axes, drawn, label: str) -> None:
 
 def overlay(pair: Pair, row: SignalComparison, bands: Mapping[str, Limits]) -> Figure:
     """Return one signal of both prototypes, and their difference with the tolerance."""
-    name = row.channel
-    figure, (top, bottom) = stacked([1.25, 0.7])
+    name, time_s = row.channel, pair.time_s
+    figure, (top, bottom) = with_differences(name, 1.25, 0.7)
     if name in bands:
-        top.fill_between(pair.time_s / 60.0, *bands[name], color=CYCLE[0], alpha=0.2, lw=0,
-                         label="95 % band of the reference")  # fmt: skip
-    line(top, pair.time_s, pair.theirs[name], f"reference: {plain(pair.reference)[:40]}", 0)
-    line(top, pair.time_s, pair.ours[name], f"test: {plain(pair.test)[:40]}", 1)
-    top.set_ylabel(f"{wording(name)}\n[{unit(name)}]", fontsize=8)
+        band(top, time_s, bands[name], "95 % band of the reference")
+    line(top, time_s, pair.theirs[name], f"reference: {plain(pair.reference)[:40]}", 0)
+    line(top, time_s, pair.ours[name], f"test: {plain(pair.test)[:40]}", 1)
     bottom.axhspan(-row.tolerance.value, row.tolerance.value, color=CYCLE[2], alpha=0.15, lw=0)
-    bottom.axhline(0.0, color="0.6", lw=0.6)
-    bottom.plot(*thin(pair.time_s, pair.ours[name] - pair.theirs[name]), color=CYCLE[6], lw=0.8)
-    bottom.set_ylabel(f"difference\n[{unit(name, is_difference=True)}]", fontsize=8)
+    line(bottom, time_s, pair.ours[name] - pair.theirs[name], number=6, lw=0.8)
     finish([top, bottom])
     return figure

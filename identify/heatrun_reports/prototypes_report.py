@@ -11,11 +11,9 @@ from functools import partial
 from itertools import combinations, cycle
 from pathlib import Path
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from heatrun.record.motor import Motor
-from heatrun.record.record import Record
 from heatrun.record.samples import has, median_step, samples
 from heatrun.reports.figures import plain
 from heatrun.reports.printed import signed
@@ -23,7 +21,7 @@ from heatrun.reports.printed import signed
 from .analysis.drive import with_powers
 from .analysis.general_information import FIGURES
 from .analysis.validation import PERCENT, RULE, VERDICTS, SignalComparison, place
-from .plot import CYCLE, finish, line, stacked, thin, unit, with_gaps, wording
+from .plot import CYCLE, band, finish, line, stacked, unit, with_differences, with_gaps, wording
 from .prototypes import (
     Compared,
     Confrontation,
@@ -44,37 +42,21 @@ AT_A_GLANCE = 6
 """Pairs whose verdicts fit beside each other across a page."""
 
 PAIR_COLUMNS = (
-    Column("clock offset", "s"),
-    Column("bias"),
-    Column("RMSE"),
-    Column("largest"),
-    Column("correlation", "1"),
-    Column("tolerance"),
-    Column("decided by", ""),
-    Column("inside", "%"),
-    Column("verdict", ""),
-)
+    Column("clock offset", "s"), Column("bias"), Column("RMSE"), Column("largest"),
+    Column("correlation", "1"), Column("tolerance"), Column("decided by", ""),
+    Column("inside", "%"), Column("verdict", ""),
+)  # fmt: skip
 CLOCK_COLUMNS = (
-    Column("clock offset", "s"),
-    Column("standard uncertainty", "s"),
-    Column("agree", ""),
-)
+    Column("clock offset", "s"), Column("standard uncertainty", "s"), Column("agree", "")
+)  # fmt: skip
 FIGURE_COLUMNS = (
-    Column("later"),
-    Column("earlier"),
-    Column("difference", "%"),
-    Column("tolerance"),
+    Column("later"), Column("earlier"), Column("difference", "%"), Column("tolerance"),
     Column("verdict", ""),
-)
+)  # fmt: skip
 NETWORK_COLUMNS = (
-    Column("driven by", ""),
-    Column("bias"),
-    Column("RMSE"),
-    Column("largest"),
-    Column("tolerance"),
-    Column("in the band", "%"),
-    Column("verdict", ""),
-)
+    Column("driven by", ""), Column("bias"), Column("RMSE"), Column("largest"),
+    Column("tolerance"), Column("in the band", "%"), Column("verdict", ""),
+)  # fmt: skip
 
 
 def signals_of(found: Confrontation) -> tuple[str, ...]:
@@ -396,59 +378,45 @@ PAIR_COLOURS = (6, 3, 4, 7, 5)
 
 def overlay(found: Confrontation, motor: Motor, channel: str) -> Figure:
     """Return one signal of all prototypes on one clock, and the differences of the pairs."""
-    figure, (top, bottom) = stacked([1.25, 0.75])
+    figure, (top, bottom) = with_differences(channel, 1.25, 0.75)
     for number, prototype in enumerate(found.prototypes):
         record = found.in_window(prototype.role, with_powers(prototype.record, motor))
         if not has(record, channel):
             continue
-        _band(top, found, number, channel)
+        sides = prototype.reference.bands.get(channel)
+        if sides is not None:
+            ends = dict(zip(("low", "high"), sides, strict=True))
+            limits = replace(prototype.record, channels={"time_s": prototype.record.time_s, **ends})
+            limits = found.in_window(prototype.role, limits)
+            label = f"95 % band of {plain(prototype.role)}"
+            band(top, limits.time_s, (limits["low"], limits["high"]), label, number)
         line(top, *with_gaps(*samples(record, channel)), plain(prototype.role), number)
-    top.set_ylabel(f"{wording(channel)}\n[{unit(channel)}]", fontsize=8)
-    bottom.axhline(0.0, color="0.6", lw=0.6)
     colours = dict(zip((pair.name for pair in found.pairs), cycle(PAIR_COLOURS), strict=False))
     for pair, signal in _compared(found, channel):
-        common, colour = pair.validation.pair, CYCLE[colours[pair.name]]
+        common, colour = pair.validation.pair, colours[pair.name]
         clock = common.time_s + found.shift_s[pair.later.role]
         difference = common.ours[channel] - common.theirs[channel]
-        bottom.plot(*thin(clock, difference), color=colour, lw=0.8, label=plain(pair.name))
+        line(bottom, clock, difference, plain(pair.name), colour, lw=0.8)
         for limit in (-signal.tolerance.value, signal.tolerance.value):
-            bottom.axhline(limit, color=colour, lw=0.7, ls="--")
-    bottom.set_ylabel(f"difference\n[{unit(channel, is_difference=True)}]", fontsize=8)
+            bottom.axhline(limit, color=CYCLE[colour], lw=0.7, ls="--")
     finish([top, bottom])
     return figure
 
 
 def networks(found: Confrontation) -> Figure:
     """Return each measured winding with the prediction of the network, and the difference."""
-    figure, (top, bottom) = stacked([1.9, 0.95])
+    figure, (top, bottom) = stacked(("winding [°C]", 1.9), ("measured −\npredicted [K]", 0.95))
     channel = "winding_degC"
     roles = [prototype.role for prototype in found.prototypes]
     bottom.axhline(0.0, color="0.6", lw=0.6)
     for one in found.networks:
-        colour = roles.index(one.prototype.role)
+        number = roles.index(one.prototype.role)
         common = one.validation.pair
         clock = common.time_s + found.shift_s[one.prototype.role]
-        name = plain(one.prototype.role)
-        low, high = one.validation.bands[channel]
-        top.fill_between(clock / 60.0, low, high, color=CYCLE[colour % len(CYCLE)], alpha=0.2, lw=0)
-        line(top, clock, common.ours[channel], f"{name}, measured", colour)
-        top.plot(*thin(clock, common.theirs[channel]), color=CYCLE[colour % len(CYCLE)], lw=0.9,
-                 ls="--", label=f"network driven by {plain(one.driven_by)} (95 %)")  # fmt: skip
-        line(bottom, clock, common.ours[channel] - common.theirs[channel], name, colour)
-    top.set_ylabel("winding [°C]", fontsize=8)
-    bottom.set_ylabel("measured −\npredicted [K]", fontsize=8)
+        name, label = plain(one.prototype.role), f"network driven by {plain(one.driven_by)} (95 %)"
+        band(top, clock, one.validation.bands[channel], number=number)
+        line(top, clock, common.ours[channel], f"{name}, measured", number)
+        line(top, clock, common.theirs[channel], label, number, ls="--")
+        line(bottom, clock, common.ours[channel] - common.theirs[channel], name, number)
     finish([top, bottom])
     return figure
-
-
-def _band(axis: Axes, found: Confrontation, number: int, channel: str) -> None:
-    """The 95 % band of a simulated prototype."""
-    prototype = found.prototypes[number]
-    if channel not in prototype.reference.bands:
-        return
-    sides = dict(zip(("low", "high"), prototype.reference.bands[channel], strict=True))
-    band = Record("", {"time_s": prototype.record.time_s, **sides})
-    band = found.in_window(prototype.role, band)
-    axis.fill_between(band.time_s / 60.0, band["low"], band["high"], lw=0, alpha=0.2,
-                      color=CYCLE[number % len(CYCLE)],
-                      label=f"95 % band of {plain(prototype.role)}")  # fmt: skip

@@ -52,11 +52,6 @@ class Simulated:
         effects = ", ".join(kind.card.id for kind in model.effects)
         return f"{model.title} with {effects}" if effects else model.title
 
-    @property
-    def measured_node(self) -> str:
-        """Node that the winding's sensor sits in."""
-        return self.prediction.model.form.measured_node
-
 
 def simulate_run(run: Path, record: Record, motor: Motor) -> Simulated:
     """Predict a test with the run in a folder; the motor says how the bench of the test measures.

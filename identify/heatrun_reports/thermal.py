@@ -35,7 +35,7 @@ from .analysis.drive import LossSplit, integrate, measured, split_losses
 from .analysis.validation import instrument_class
 from .document import number
 from .general import places_of_readings, recorded, signal_table
-from .plot import CYCLE, finish, line, stacked, unit, with_gaps, wording
+from .plot import band, finish, line, stacked, with_gaps, wording
 from .report import (
     CARDS,
     NOT_OF_THE_MACHINE,
@@ -275,7 +275,7 @@ def _run_rows(simulated: Simulated) -> list[Row]:
             100.0 * found.coverage_95(), "%", places=0),
     ]  # fmt: skip
     for node, course in found.nodes.items():
-        if node == simulated.measured_node:
+        if node == found.model.form.measured_node:
             continue
         low, high = (float(side[-1]) for side in found.nodes_95[node])
         rows.append(
@@ -371,14 +371,11 @@ def network_rows(found: SteadyNetwork) -> list[Row]:
 
 
 GRADIENT_COLUMNS = (
-    Column("from", "min"),
-    Column("to", "min"),
-    Column("last but one interval"),
-    Column("standard error"),
-    Column("last interval"),
-    Column("standard error"),
+    Column("from", "min"), Column("to", "min"),
+    Column("last but one interval"), Column("standard error"),
+    Column("last interval"), Column("standard error"),
     Column("equilibrium", ""),
-)
+)  # fmt: skip
 
 
 def gradients(settled: Sequence[Equilibrium]) -> Table:
@@ -423,16 +420,13 @@ def _state(settled: Sequence[Equilibrium]) -> str:
 def _steady_row(found: Equilibrium, steady: SteadyRise) -> Row:
     low, high = (found.sink_degC + side for side in steady.rise_95_K)
     name = wording(found.channel)
-    return Row(
-        f"{name.replace(' ', '_')}_steady_degC",
-        f"{_upper(name)} in equilibrium, extrapolated",
-        found.sink_degC + steady.rise_K,
-        "°C",
+    note = (
         f"95 %: {low:.1f} … {high:.1f} °C; a rise of {steady.rise_K:.1f} K over a sink of "
         f"{found.sink_degC:.1f} °C; one exponential with a time constant of "
-        f"{steady.tau_s / 60.0:.0f} min; no measurement",
-        1,
+        f"{steady.tau_s / 60.0:.0f} min; no measurement"
     )
+    key, label = name.replace(" ", "_"), f"{_upper(name)} in equilibrium, extrapolated"
+    return Row(f"{key}_steady_degC", label, found.sink_degC + steady.rise_K, "°C", note, 1)
 
 
 def _when(found: Equilibrium) -> str:
@@ -460,84 +454,73 @@ def temperatures(
         for place, channel in enumerate(channels)
         if channel not in NOT_OF_THE_MACHINE and has(record, channel, sink)
     ]
-    figure, (axis, *below) = stacked([2.0, 1.05] if rises else [2.3])
+    above, under = "temperature [°C]", f"rise over\n{wording(sink)} [K]"
+    figure, (axis, *below) = stacked(*([(above, 2.0), (under, 1.05)] if rises else [(above, 2.3)]))
     for place, channel in rises:
         rise = measured(record, record[channel] - record[sink])
         line(below[0], *with_gaps(*rise), wording(channel), place)
-        below[0].set_ylabel(f"rise over\n{wording(sink)} [K]", fontsize=8)
     for place, channel in enumerate(channels):
         line(axis, *with_gaps(*samples(record, channel)), wording(channel), place)
     for each in continued:
         _continue(axis, each, channels.index(each.channel), record)
-    axis.set_ylabel(f"temperature [{unit('winding_degC')}]", fontsize=8)
     finish([axis, *below])
     return figure
 
 
 def _continue(axis: Axes, found: Equilibrium, place: int, record: Record) -> None:
-    colour, steady = CYCLE[place % len(CYCLE)], found.steady
+    steady = found.steady
     assert isinstance(steady, SteadyRise)
     span_s = min(CONTINUED * steady.tau_s, 2.0 * record.duration_s)
     time_s = np.linspace(steady.end_s, steady.end_s + span_s, 100)
     low, middle, high = (found.sink_degC + side for side in steady.course(time_s))
-    axis.fill_between(time_s / 60.0, low, high, color=colour, alpha=0.2, lw=0)
-    axis.plot(time_s / 60.0, middle, color=colour, lw=1.0, ls="--",
-              label=f"{wording(found.channel)}, extrapolated (95 %)")  # fmt: skip
+    band(axis, time_s, (low, high), number=place)
+    label = f"{wording(found.channel)}, extrapolated (95 %)"
+    line(axis, time_s, middle, label, place, lw=1.0, ls="--")
 
 
 def losses(record: Record, split: LossSplit) -> Figure:
     """Return P_Js and P_ol over time."""
-    figure, (axis,) = stacked([1.5])
+    figure, (axis,) = stacked(("losses [W]", 1.5))
     for place, (label, values) in enumerate(
         (("P_Js, winding", split.joule_W), ("P_ol, others", split.other_W))
     ):
         line(axis, *with_gaps(*measured(record, values)), label, place)
     axis.axhline(0.0, color="0.6", lw=0.6)
-    axis.set_ylabel("losses [W]", fontsize=8)
     finish([axis])
     return figure
 
 
 def against(simulated: Simulated) -> Figure:
     """Return measured against simulated winding with bands, and the residuals."""
-    figure, (top, bottom) = stacked([2.15, 0.9])
+    figure, (top, bottom) = stacked(("temperature [°C]", 2.15), ("measured −\nsimulated [K]", 0.9))
     found = simulated.prediction
-    minutes = found.time_s / 60.0
-    top.fill_between(minutes, *found.total["95"], color=CYCLE[0], alpha=0.15, lw=0,
-                     label="95 % with noise")  # fmt: skip
-    top.fill_between(minutes, *found.parameters["95"], color=CYCLE[0], alpha=0.35, lw=0,
-                     label="95 % of the parameters")  # fmt: skip
-    top.plot(minutes, found.median, color=CYCLE[0], lw=1.1, label="simulated winding")
-    top.plot(minutes, found.test.measured, ".", color="#222222", ms=2.2,
+    time_s = found.time_s
+    band(top, time_s, found.total["95"], "95 % with noise", alpha=0.15)
+    band(top, time_s, found.parameters["95"], "95 % of the parameters", alpha=0.35)
+    line(top, time_s, found.median, "simulated winding", lw=1.1)
+    top.plot(time_s / 60.0, found.test.measured, ".", color="#222222", ms=2.2,
              label="measured winding (block means)")  # fmt: skip
-    others = [node for node in found.nodes if node != simulated.measured_node]
+    others = [node for node in found.nodes if node != found.model.form.measured_node]
     for place, node in enumerate(others, start=2):
-        colour = CYCLE[place % len(CYCLE)]
-        label = "stator Tsr" if node == "stator" else _node(node)
-        top.fill_between(minutes, *found.nodes_95[node], color=colour, alpha=0.25, lw=0)
-        top.plot(minutes, found.nodes[node], color=colour, lw=1.1,
-                 label=f"{label}, simulated (95 %)")  # fmt: skip
-    top.set_ylabel("temperature [°C]", fontsize=8)
+        label = f"{'stator Tsr' if node == 'stator' else _node(node)}, simulated (95 %)"
+        band(top, time_s, found.nodes_95[node], number=place, alpha=0.25)
+        line(top, time_s, found.nodes[node], label, place, lw=1.1)
     bottom.axhline(0.0, color="0.6", lw=0.6)
-    bottom.plot(minutes, found.residual, color=CYCLE[1], lw=0.9)
-    bottom.set_ylabel("measured −\nsimulated [K]", fontsize=8)
+    line(bottom, time_s, found.residual, number=1)
     finish([top, bottom])
     return figure
 
 
 def flows(simulated: Simulated) -> Figure:
     """Return the heat flows of the network over time with their bands."""
-    figure, (axis,) = stacked([1.5])
+    figure, (axis,) = stacked(("heat flow [W]", 1.5))
     found = simulated.prediction
     named = flow_words(found.model.form)
-    minutes = found.time_s / 60.0
     for place, (link, flow) in enumerate(found.flows.items()):
-        colour = CYCLE[place % len(CYCLE)]
         symbol, words = named.get(link, unnamed(link))
         label = symbol if (symbol, words) == unnamed(link) else f"{symbol}, {words}"
-        axis.fill_between(minutes, *found.flows_95[link], color=colour, alpha=0.25, lw=0)
-        axis.plot(minutes, flow, color=colour, lw=1.0, label=label)
-    axis.set_ylabel("heat flow [W]", fontsize=8)
+        band(axis, found.time_s, found.flows_95[link], number=place, alpha=0.25)
+        line(axis, found.time_s, flow, label, place, lw=1.0)
     if np.any([np.min(flow) < 0.0 for flow in found.flows.values()]):
         axis.axhline(0.0, color="0.6", lw=0.6)
     finish([axis])

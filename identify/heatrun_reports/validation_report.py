@@ -25,23 +25,14 @@ from .report import Column, Drawing, Line, Report, Row, Table
 from .simulated import Reference, before, fitted_by, same_file, simulated_as
 
 DIFFERENCE_COLUMNS = (
-    Column("bias"),
-    Column("RMSE"),
-    Column("largest"),
-    Column("at", "min"),
-    Column("correlation", "1"),
-    Column("tolerance"),
-    Column("inside", "%"),
-    Column("in the band", "%"),
-    Column("verdict", ""),
-)
+    Column("bias"), Column("RMSE"), Column("largest"), Column("at", "min"),
+    Column("correlation", "1"), Column("tolerance"), Column("inside", "%"),
+    Column("in the band", "%"), Column("verdict", ""),
+)  # fmt: skip
 FIGURE_COLUMNS = (
-    Column("test"),
-    Column("reference"),
-    Column("difference", "%"),
-    Column("tolerance"),
+    Column("test"), Column("reference"), Column("difference", "%"), Column("tolerance"),
     Column("verdict", ""),
-)
+)  # fmt: skip
 
 DEFINITIONS = (
     ("Difference", "Test minus reference on the common axis; means are weighted by time."),

@@ -48,7 +48,7 @@ class Binding:
 
 
 def bind(address: str, port: int) -> Binding:
-    """Listen on a host name of this machine or an IPv4 or IPv6 address, at a port or a free one (0).
+    """Listen on a host name of this machine or an IPv4 or IPv6 address, at a port; 0 is a free one.
 
     `0.0.0.0` and `::` are all of its addresses.
 

@@ -234,15 +234,13 @@ class RecordStore:
         stamp = self._stamp(path)
         key = (path, stamp, motor.sha256 if motor else "")
         with self._lock:
-            if key in self._kept:
-                self._kept.move_to_end(key)
-                return self._kept[key]
             turn = self._reading.setdefault(key, threading.Lock())
         # who wants the same file waits for it; who wants another one does not
         with turn:
             try:
                 with self._lock:
                     if key in self._kept:
+                        self._kept.move_to_end(key)
                         return self._kept[key]
                 opened = self._read(path, motor, stamp)
                 with self._lock:

@@ -235,15 +235,13 @@ def add_legends(
         ]  # fmt: skip
         if len(colour) > 1 and plot is next(iter(figures.values())):
             legends.append([marked(plot, test, [], tags, "solid") for test, tags in colour.items()])
-        sized = [(_legend(items), _widest_px(items)) for items in legends]
-        for legend, _ in sized:
-            plot.add_layout(legend, "above")
+        sized = []
+        for items in legends:
+            longest = max(len(str(item.label.value)) for item in items)
+            sized.append((_legend(items), MARK_PX + CHARACTER_PX * longest))
+            plot.add_layout(sized[-1][0], "above")
         fit = CustomJS(args={"plot": plot, "legends": sized, "in_row": IN_ROW}, code=ROWS)
         plot.js_on_change("inner_width", fit)
-
-
-def _widest_px(items: Sequence[Any]) -> int:
-    return MARK_PX + CHARACTER_PX * max(len(str(item.label.value)) for item in items)
 
 
 def paint(plot: Any, look: Look) -> None:

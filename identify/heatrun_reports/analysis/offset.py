@@ -37,7 +37,7 @@ CLOSEST = 1e-6
 """Unexplained share of the variance [1] below which two signals count as the same."""
 
 
-def likeness(
+def _likeness(
     test: Record, reference: Record, channels: Sequence[str], offset_s: float
 ) -> dict[str, float]:
     """Return the correlation of each signal that varies [1], at the samples of the test.
@@ -258,14 +258,12 @@ class Offset:
         offset_s: What is added to the reference's clock to give the test's [s].
         sd_s: Standard uncertainty [s]: of the fit, and of where in its interval a logger stamps; 0
             where the offset was given.
-        correlation: Of each shared signal at this offset [1].
         method: How it was found.
         findings: Doubts about it.
     """
 
     offset_s: float
     sd_s: float
-    correlation: dict[str, float]
     method: str
     findings: tuple[Finding, ...] = ()
 
@@ -293,7 +291,7 @@ def find_offset(test: Record, reference: Record, channels: Sequence[str]) -> Off
     offsets_s, scores = _search(test, reference, channels, grid_s, spans_s)
     start_s = float(offsets_s[np.argmax(scores)])
     offset_s, fit_sd_s = _refined(test, reference, channels, start_s, grid_s)
-    found = likeness(test, reference, channels, offset_s)
+    found = _likeness(test, reference, channels, offset_s)
     most = max(found.values(), default=0.0)
     if most < MIN_CORRELATION:
         raise InputError(
@@ -307,7 +305,6 @@ def find_offset(test: Record, reference: Record, channels: Sequence[str]) -> Off
     return Offset(
         offset_s=offset_s,
         sd_s=sd_s,
-        correlation=found,
         method=f"shared signals: {', '.join(found)}",
         findings=tuple(_doubts(where, test.name, offset_s, sd_s, offsets_s, scores)),
     )

@@ -16,7 +16,7 @@ from heatrun.record.record import Finding, Record
 from heatrun.record.samples import median_step, samples
 
 from .drive import has, with_powers
-from .offset import Offset, find_offset, likeness
+from .offset import Offset, find_offset
 
 FINER = 0.5
 """A record that samples at this share of the other's step or finer is averaged, not interpolated,
@@ -106,8 +106,7 @@ def pair_records(
         offset = find_offset(test, reference, channels)
     else:
         _require_overlap(test, reference, offset_s)
-        found = likeness(test, reference, channels, offset_s)
-        offset = Offset(offset_s, 0.0, found, "by --offset")
+        offset = Offset(offset_s, 0.0, "by --offset")
     _require_overlap(test, reference, offset.offset_s)
     axis, method, is_averaged = _axis(test, reference, offset.offset_s)
     ours = _on(axis, test, channels, 0.0, is_averaged == "test")

@@ -21,7 +21,7 @@ from heatrun.record.channels import CHANNELS
 from heatrun.record.record import Record
 from heatrun_reports.analysis.offset import find_offset
 
-from ..background import Soon, in_background, in_order
+from ..background import Latest, Soon, in_order
 from ..linked import Band, Plots, Told
 from ..look import NARROW_PX, WIDE, Screen, button, on_change, stacked, text_pane
 from ..motor_text import (
@@ -184,7 +184,7 @@ class Aligning:
         """Take whom to tell that the shifts are others."""
         self.shifts_s: Mapping[str, float] = {}
         self._records: tuple[Record, ...] = ()
-        self._changed = changed
+        self._changed, self._latest = changed, Latest()
         self._switch = pn.widgets.Toggle(name="Align clocks", width=120)
         self._said = text_pane()
         on_change(self._find, self._switch)
@@ -196,23 +196,23 @@ class Aligning:
         self._records = tuple(each.record for each in tests)
         self.view.visible = len(self._records) > 1
         if names != [record.name for record in self._records]:
+            self._latest.forget()
             self.shifts_s, self._said.object = {}, ""
             self._switch.value = False
 
     def _find(self) -> None:
-        if not self._switch.value:
-            self.shifts_s, self._said.object = {}, ""
-            self._changed()
-            return
         records = self._records
-        self._said.object = "<p class='faded'>Looking for the offsets …</p>"
 
-        def show(found: tuple[dict[str, float], str]) -> None:
-            if records == self._records and self._switch.value:
-                self.shifts_s, self._said.object = found
-                self._changed()
+        def show(found: tuple[dict[str, float], str] | str) -> None:
+            self.shifts_s, self._said.object = ({}, found) if isinstance(found, str) else found
+            self._changed()
 
-        in_background(lambda: shifts_of(records), show)
+        if self._switch.value:
+            self._said.object = "<p class='faded'>Looking for the offsets …</p>"
+            self._latest.ask("clocks", lambda: shifts_of(records), show)
+        else:
+            self._latest.forget()
+            show(({}, ""))
 
 
 def shifts_of(records: Sequence[Record]) -> tuple[dict[str, float], str]:
