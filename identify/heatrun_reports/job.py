@@ -47,10 +47,7 @@ class Outcome:
 
     Attributes:
         test: As it was named: path of a file, or name of a record.
-        pdf: The report; None if there is none.
-        csv: Its tables.
-        json: Its tables, findings and sources.
-        report: What was typeset.
+        pdf: The report; None if there is none, as the other files.
         content: What stands in the JSON.
         error: Why there is no report; None if there is one.
     """

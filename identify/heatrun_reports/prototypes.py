@@ -108,13 +108,11 @@ def _read(path: Path, motor: Motor) -> Reference:
 
 @dataclass(frozen=True)
 class OnNetwork:
-    """A prototype's temperatures against the network's prediction.
+    """A measured prototype's temperatures less the network's prediction, on its own clock.
 
     Attributes:
-        prototype: The measured one.
         driven_by: Role whose currents, losses and sink drove the network.
         is_seen: Whether the run was calibrated on the record that is judged.
-        validation: Measured less predicted, on the prototype's clock.
     """
 
     prototype: Prototype
@@ -133,17 +131,8 @@ def judge_network(
     """Judge one network on every measured prototype.
 
     A record without current, losses or sink is judged by the network that the first record with
-    them drives, shifted to its clock: both drove the same manoeuvre.
-
-    Args:
-        run: Folder of the calibration.
-        prototypes: All of the comparison.
-        shift_s: What is added to each clock to give the base's [s], by role.
-        motor: The machine.
-        tolerances: As `confront`.
-
-    Returns:
-        What was judged, and why the rest was not.
+    them drives, shifted to its clock: both drove the same manoeuvre. What is added to each clock
+    to give the base's [s] stands by role. Returns what was judged, and why the rest was not.
 
     Raises:
         InputError: If the run cannot be read, or a prediction leaves all temperatures.
@@ -214,12 +203,9 @@ CLOSES = 3.0
 
 @dataclass(frozen=True)
 class Compared:
-    """Two of the prototypes; differences are the later less the earlier one.
+    """Two of the prototypes over the time common to all; differences are later less earlier.
 
-    Attributes:
-        later: Whose clock the comparison is on; a simulation is never the later of a mixed pair.
-        earlier: The reference.
-        validation: Signal by signal and figure by figure, over the time common to all.
+    The comparison is on the later one's clock; a simulation is never the later of a mixed pair.
     """
 
     later: Prototype
@@ -234,17 +220,15 @@ class Compared:
 
 @dataclass(frozen=True)
 class Confrontation:
-    """Several prototypes beside each other.
+    """Several prototypes beside each other, in the order given.
 
     Attributes:
-        prototypes: In the order given.
         base: The one whose clock is kept: the first that was measured, or what drove a run.
         shift_s: What is added to each prototype's clock to give the base's [s], by role.
         window_s: First and last moment common to all, on the base's clock [s].
         pairs: Every pair that shares a signal.
         information: General Information over the time in common, by role; None where the record
             does not allow it.
-        findings: Doubts.
         networks: The same network against each measured winding.
     """
 

@@ -156,10 +156,8 @@ class Row:
 
     Attributes:
         name: Stable name with the unit at its end, for JSON.
-        label: As printed.
+        label: As printed; likewise the unit, empty for words.
         value: None where undefined; the note then says why.
-        unit: As printed, empty for words.
-        note: Where it comes from, or why it is undefined; may be empty.
         places: Decimal places as printed, negative for tens; None for five digits. JSON and CSV
             hold every digit.
     """
@@ -174,12 +172,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a further table.
-
-    Attributes:
-        label: As printed.
-        unit: Unit of its cells; None where each line has its own.
-    """
+    """A column of a further table, with the unit of its cells; None where each line has its own."""
 
     label: str
     unit: str | None = None
@@ -233,17 +226,11 @@ class Report:
     """A report of one test, before it is typeset.
 
     Attributes:
-        kind: Test type.
-        test: Name of the test.
-        motor: Name of the motor.
+        test: Name of the test; likewise `motor`.
         summary: What came out, in one or two sentences.
         rows: The main table.
-        tables: Further tables.
-        drawings: Figures in their order.
-        findings: What is doubtful or missing.
         definitions: What the figures mean, by name.
         channels: Canonical channels that the report shows.
-        sources: The files behind it.
         result: What the rows were taken from.
     """
 

@@ -33,12 +33,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Simulated:
-    """A test as a run predicts it.
-
-    Attributes:
-        prediction: Reading, nodes and heat flows with their bands, block by block.
-        is_seen: Whether the run was calibrated on this very file.
-        motor_name: The machine that the run was calibrated for.
+    """A test as a run predicts it, block by block; whether the run was calibrated on that file,
+    and for which machine.
     """
 
     prediction: Prediction

@@ -20,6 +20,7 @@ import numpy as np
 from heatrun.errors import InputError
 from heatrun.io.quantities import printed_unit
 from heatrun.record.record import Finding
+from heatrun.reports.printed import format_interval, format_value
 
 from .gate import is_inside, read_inside
 from .store import Stamp
@@ -320,15 +321,11 @@ def _why(row: Row, sister: Row | None) -> str:
 
 
 def _ranged(low: float, value: float, high: float) -> str:
-    """Return a value with its interval, to a digit that the interval leaves sense."""
+    """Return a value with its interval, to two digits of its width; empty where it is not known."""
     if not all(map(math.isfinite, (low, value, high))):
         return ""
     width = max(high - low, abs(value) * 1e-6)
-    last = math.floor(math.log10(width)) - 1  # two digits of the width
-    if last >= 0:
-        value, low, high = (round(each, -last) for each in (value, low, high))
-    places = min(max(0, -last), 12)
-    return f"{value:.{places}f} ({low:.{places}f} … {high:.{places}f})"
+    return f"{format_value(value, width)[0]} ({format_interval((low, high), width)})"
 
 
 def _strips(rows: Sequence[Row]) -> list[list[int]]:

@@ -298,15 +298,6 @@ class StaticHandler(Guarded, StaticFileHandler):
         super().initialize(path=str(folder))
 
 
-class IconHandler(Guarded):
-    """The icon of the tab."""
-
-    def get(self) -> None:
-        """Send it."""
-        self.set_header("Content-Type", "image/x-icon")
-        self.finish(self.application.icon)  # pyright: ignore[reportAttributeAccessIssue]
-
-
 MAX_CONNECTIONS = 200
 """Connections at a time; a tab keeps up to seven."""
 
@@ -327,7 +318,6 @@ class ViewApplication(BokehTornado):
         super().__init__(
             apps,
             use_index=False,
-            ico_path=str(Path(pn.__file__).parent / "dist" / "images" / "favicon.ico"),
             # a session is opened by a page that this server has sent, and by nothing else
             sign_sessions=True,
             secret_key=secrets.token_bytes(32),
@@ -364,7 +354,7 @@ class ViewApplication(BokehTornado):
         if request.path == "/ws":
             return SocketHandler, session, []
         if request.path == "/favicon.ico":
-            return IconHandler, {}, []
+            return StaticHandler, {"package": "panel"}, [b"images/favicon.ico"]
         path = unquote(request.path)
         for pattern, package in STATIC:
             found = pattern.fullmatch(path)

@@ -59,14 +59,13 @@ ROOM = 0.02
 
 @dataclass(frozen=True)
 class Told:
-    """Whom the plots tell of what the user does.
+    """Whom the plots tell of what the user does, and what the user can do, as HTML.
 
     Attributes:
         schedule: Gets a function when the window has changed; calls it soon, and once for many
             changes in a row.
         tapped: Gets the time [s] of a click, and whether shift was held.
         selected: Gets begin and end [s] of a selected window.
-        help: What the user can do, as HTML.
     """
 
     schedule: Callable[[Callable[[], None]], None]

@@ -33,13 +33,10 @@ class Refused:
 
 @dataclass(frozen=True)
 class Reading:
-    """What became of the chosen tests.
+    """What became of the chosen tests, by the names of the page; why some are refused, as HTML.
 
     Attributes:
-        opened: Those that could be read, by the names of the page.
-        problems: Why the others could not, as HTML.
         checks: Findings and how the files were read, as HTML; None where they were not checked.
-        refused: The files that could not be read, by the names of the page.
     """
 
     opened: Mapping[str, Opened]

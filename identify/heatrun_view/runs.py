@@ -111,22 +111,19 @@ class Run:
         """Return the predicted course of the last network for a test of the run, counted from 1;
         None where there is none.
         """
-        file = self.path / course_name(number)
+        if self.opened is None:
+            return None
+        order = self.opened.networks[-1]
+        courses = (f"{order}_{part}_degC" for part in ("winding", "total_95_low", "total_95_high"))
         try:
-            course = pd.read_csv(io.BytesIO(self.read(file)))
-        except (OSError, ValueError):
+            table = pd.read_csv(io.BytesIO(self.read(self.path / course_name(number))))
+            time_s, median, low, high, measured = (
+                table[name].to_numpy(float) for name in ("time_s", *courses, "measured_degC")
+            )
+        except (OSError, ValueError, LookupError):  # damaged
             return None
-        order = next(
-            (c.removesuffix("_residual_K") for c in reversed(course.columns)
-             if c.endswith("_residual_K")), ""
-        )  # fmt: skip
-        columns = [f"{order}_winding_degC", f"{order}_total_95_low_degC",
-                   f"{order}_total_95_high_degC", "measured_degC"]  # fmt: skip
-        if "time_s" not in course or any(name not in course for name in columns):
-            return None
-        median, low, high, measured = (course[name].to_numpy(float) for name in columns)
         label = f"simulated, 95 % ({order}) · {test}"
-        return Band(label, course["time_s"].to_numpy(float), median, low, high, test, measured)
+        return Band(label, time_s, median, low, high, test, measured)
 
 
 def runs_under(places: Sequence[tuple[Path, Path]]) -> list[Run]:

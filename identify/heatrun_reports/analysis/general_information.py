@@ -128,7 +128,19 @@ def general_information(record: Record, motor: Motor) -> GeneralInformation:
             reduction = 100.0 * (1.0 - net / drawn)
         else:
             undefined["reduction_percent"] = "no energy was drawn that could have been reduced"
-            findings += [] if power.negative == 0.0 else [_negative(record, net)]
+            if power.negative < 0.0:
+                findings.append(
+                    Finding(
+                        "power_negative",
+                        "warning",
+                        "Expected power to be drawn; it is negative throughout, "
+                        f"{net:.4g} kWh in all.",
+                        record.name,
+                        "A braking test, or a current that counts the other way? Then turn its "
+                        "sign.",
+                        record.name,
+                    )
+                )
     if speed is not None:
         distance = speed.absolute / 1000.0
     if net is not None and drawn is not None and distance is not None:
@@ -206,17 +218,6 @@ def _gaps(record: Record, integrals: Mapping[str, Integral]) -> list[Finding]:
             {"num_gaps": float(one.num_gaps), "left_out_s": one.left_out_s},
         )
     ]
-
-
-def _negative(record: Record, net_kWh: float) -> Finding:
-    return Finding(
-        "power_negative",
-        "warning",
-        f"Expected power to be drawn; it is negative throughout, {net_kWh:.4g} kWh in all.",
-        record.name,
-        "A braking test, or a current that counts the other way? Then turn its sign.",
-        record.name,
-    )
 
 
 NAMES = (*(name for name in CHANNEL if name != "time_s"), *(one.name for one in FIGURES))

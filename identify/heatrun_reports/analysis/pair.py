@@ -28,15 +28,12 @@ FEWEST = 10
 
 @dataclass(frozen=True)
 class Pair:
-    """Two records on the clock of the first.
+    """Two records, the test and its reference, on the clock of the first.
 
     Attributes:
-        test: Name of the first.
-        reference: Name of the second.
         time_s: Common axis on the test's clock [s], shape (common,).
         ours: Channels of the test, shape (common,) each; NaN where it has none.
         theirs: The same channels of the reference.
-        offset: How the clocks stand to each other.
         method: How the common axis came about.
         findings: What is not compared, and doubts about the offset.
     """

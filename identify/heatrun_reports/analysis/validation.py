@@ -306,26 +306,20 @@ OF_THE_DRIVE = ("dc_power_W", "electrical_power_W")
 
 @dataclass(frozen=True)
 class FigureComparison:
-    """One figure of two prototypes over the time in common.
+    """One figure of two prototypes over the time in common; test and reference in its unit.
 
     Attributes:
         name: As in the General Information table, or `energy_of_CHANNEL_kWh`.
-        label: As printed.
-        unit: As printed.
-        test: Of the test; None where undefined.
-        reference: Of the reference; None where undefined.
         difference_percent: Test minus reference over the reference's magnitude [%]; None where
             that is 0 or undefined.
-        tolerance: What counts as agreement.
-        verdict: Of the figure.
         note: Why there is no verdict; else empty.
     """
 
     name: str
     label: str
     unit: str
-    test: float | None
-    reference: float | None
+    test: float
+    reference: float
     difference_percent: float | None
     tolerance: Tolerance
     verdict: FigureVerdict
@@ -407,14 +401,10 @@ def _place(record: Record, motor: Motor) -> str:
 
 @dataclass(frozen=True)
 class Validation:
-    """Two prototypes beside each other.
+    """Two prototypes beside each other, signal by signal and figure by figure, with doubts.
 
     Attributes:
-        pair: Both on one axis.
-        signals: Signal by signal, in the order of the test's channels.
-        figures: Energy, distance and consumption over the time in common.
         bands: Lower and upper 95 % limit of the reference on the common axis, by channel.
-        findings: Doubts.
     """
 
     pair: Pair
@@ -462,15 +452,7 @@ def validate(
 def judge(
     test: Record, reference: Reference, motor: Motor, pair: Pair, given: Mapping[str, float]
 ) -> Validation:
-    """Judge two aligned records, or a part of them, signal by signal and figure by figure.
-
-    Args:
-        test: The record whose clock the pair is on.
-        reference: The other prototype's.
-        motor: The machine.
-        pair: Both on one axis.
-        given: Tolerances of the user, as `validate`.
-    """
+    """Judge two aligned records, or a part of them, signal by signal and figure by figure."""
     bands = bands_on_axis(reference, pair)
     powered = replace(reference, record=with_powers(reference.record, motor))
     signals = []

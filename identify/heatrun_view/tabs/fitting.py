@@ -346,17 +346,13 @@ class JobPane:
 
 def _reason(job: Job) -> str:
     """Return why a command failed, in its own words."""
-    error = job.output.get("error")
-    if isinstance(error, dict):
-        parts = [str(error.get(key) or "") for key in ("where", "problem", "remedy")]
-        return " ".join(part for part in parts if part)
-    findings = job.output.get("findings")
-    if isinstance(findings, list):
-        grave = [f for f in findings if isinstance(f, dict) and f.get("severity") == "error"]
-        told = [
-            f"{f.get('where', '')}: {f.get('message', '')} {f.get('remedy', '')}" for f in grave
-        ]
-        return "The data do not allow it. " + " ".join(told)
+    error, findings = job.output.get("error"), job.output.get("findings")
+    if error:
+        return " ".join(filter(None, (error.get(k) for k in ("where", "problem", "remedy"))))
+    if findings:
+        grave = [f for f in findings if f["severity"] == "error"]
+        told = (f"{f['where']}: {f['message']} {f['remedy']}" for f in grave)
+        return f"The data do not allow it. {' '.join(told)}"
     if job.output:
         return "Part of it failed; see the results below."
     return "The command failed: " + (job.lines[-1] if job.lines else "no message.")

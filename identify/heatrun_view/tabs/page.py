@@ -369,22 +369,22 @@ class Page:
         self._sidebar.status.object = f"<p class='faded'>Following {'<br>'.join(rows)}{said}</p>"
 
     def _say_of_folder(self, listing: Listing, has_tests: bool) -> None:
+        kind, said = "note", ""
         if listing.is_cut:
-            self._banner.object = message(
-                "warning", "The folder holds more files than are listed. Show a smaller folder."
-            )
+            kind = "warning"
+            said = "The folder holds more files than are listed. Show a smaller folder."
         elif not has_tests and not self._has_fleet:
-            self._banner.object = message(
-                "note",
+            said = (
                 f"There are no bench files in {self.folder.root}. Drop one in the side panel, or "
-                "start `heatrun view` on the folder of your tests.",
+                "start `heatrun view` on the folder of your tests."
             )
         elif listing.num_own and not self._banner.object:
-            self._banner.object = message(
-                "note",
-                f"Files that heatrun itself has written are no tests and not listed: "
-                f"{listing.num_own}.",
+            said = (
+                "Files that heatrun itself has written are no tests and not listed: "
+                f"{listing.num_own}."
             )
+        if said:
+            self.say(message(kind, said))
 
 
 MAX_READERS = 4
