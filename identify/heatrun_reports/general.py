@@ -58,15 +58,12 @@ def general_report(motor: Motor, record: Record) -> Report:
             remedy='Map them in the motor file, such as [columns] speed_rpm = "n [rpm]".',
         )
     found = general_information(record, motor)
-    drawings = [
-        Drawing("courses", "All recorded signals over time.", lambda: courses(record, motor))
-    ]
+    drawings = [Drawing("All recorded signals over time.", lambda: courses(record, motor))]
     if found.energy_kWh is not None:
         drawings.append(_energy_drawing(record, motor))
     if has(record, "torque_Nm", "speed_rpm"):
         drawings.append(
             Drawing(
-                "plane",
                 "The torque-speed plane: where the test was, and where power is known, its mean "
                 "and the efficiency of each cell.",
                 lambda: plane(record, operating_map(record, motor)),
@@ -91,7 +88,6 @@ def general_report(motor: Motor, record: Record) -> Report:
 
 def _energy_drawing(record: Record, motor: Motor) -> Drawing:
     return Drawing(
-        "energy",
         "Electrical power, and the energy drawn so far with and without what was fed back.",
         lambda: energy_course(record, motor),
     )
@@ -156,15 +152,12 @@ def energy_report(motor: Motor, record: Record) -> Report:
     if has(record, "torque_Nm", "speed_rpm"):
         drawings.append(
             Drawing(
-                "plane",
                 "The torque-speed plane: operating points, mean electrical power and efficiency "
                 "of each cell.",
                 lambda: plane(kept, found_map),
             )
         )
-    drawings.append(
-        Drawing("courses", "The signals behind it over time.", lambda: courses(kept, motor))
-    )
+    drawings.append(Drawing("The signals behind it over time.", lambda: courses(kept, motor)))
     full, summary, definitions = with_powers(kept, motor), _summary(found, record), []
     tables, findings = [signal_table(full, recorded(full))], []
     if shaft is not None:

@@ -123,7 +123,7 @@ def unit(channel: str, *, is_difference: bool = False) -> str:
     symbol = CHANNEL[channel].unit
     if symbol == "degC":
         return "K" if is_difference else "°C"
-    return {"L_per_min": "L/min", "km_per_h": "km/h", "Nm": "N m"}.get(symbol, symbol)
+    return "N m" if symbol == "Nm" else symbol
 
 
 def wording(channel: str) -> str:

@@ -292,7 +292,6 @@ def _first(found: Confrontation, run: Path | None) -> list[str]:
 def _drawings(found: Confrontation, motor: Motor) -> tuple[Drawing, ...]:
     drawings = [
         Drawing(
-            f"signal_{channel}",
             f"Above, {wording(channel)} of all prototypes on the clock of {found.base.role}; "
             "below, the differences of the pairs, with their tolerances as broken lines.",
             partial(overlay, found, motor, channel),
@@ -302,7 +301,6 @@ def _drawings(found: Confrontation, motor: Motor) -> tuple[Drawing, ...]:
     if found.networks:
         drawings.append(
             Drawing(
-                "network",
                 "Measured winding of each prototype with the prediction of the run's network and "
                 "its 95 % band; below, measured less predicted.",
                 partial(networks, found),

@@ -214,9 +214,8 @@ class Table:
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure that is drawn when it is asked for, by its name, with the sentence below it."""
+    """A figure that is drawn when it is asked for, with the sentence below it."""
 
-    name: str
     caption: str
     draw: Callable[[], Figure]
 

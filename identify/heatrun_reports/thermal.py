@@ -129,9 +129,7 @@ def thermal_report(motor: Motor, record: Record, run: Path | None = None) -> Rep
     if continued:
         caption += " Broken lines are extrapolated, with 95 % bands: nothing was measured there."
         definitions.append(("Extrapolated", EXTRAPOLATION))
-    drawings = [
-        Drawing("temperatures", caption, lambda: temperatures(record, shown, sink, continued))
-    ]
+    drawings = [Drawing(caption, lambda: temperatures(record, shown, sink, continued))]
     if simulated is None or run is None:
         findings.append(
             Finding(
@@ -147,16 +145,16 @@ def thermal_report(motor: Motor, record: Record, run: Path | None = None) -> Rep
         findings += _other_motor(simulated, motor, record, run)
         rows += _run_rows(simulated)
         drawings += [
-            Drawing("against", "Measured against simulated winding, with Tsr, and the difference.",
+            Drawing("Measured against simulated winding, with Tsr, and the difference.",
                     lambda: against(simulated)),
-            Drawing("flows", "Heat flows of the network with their 95 % bands.",
+            Drawing("Heat flows of the network with their 95 % bands.",
                     lambda: flows(simulated)),
         ]  # fmt: skip
         definitions += [*DEFINITIONS, _flows_defined(simulated)]
     if split is not None:
         definitions.append(("Split of the losses", split.formula))
         drawings.append(
-            Drawing("losses", "Losses, split by the measured winding temperature.",
+            Drawing("Losses, split by the measured winding temperature.",
                     lambda: losses(record, split))
         )  # fmt: skip
     rows += [] if found.steady is None else network_rows(found.steady)

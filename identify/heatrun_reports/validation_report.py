@@ -71,7 +71,6 @@ def validation_report(
         tables=_tables(found),
         drawings=tuple(
             Drawing(
-                f"signal_{signal.channel}",
                 f"Above, {wording(signal.channel)} of both prototypes; below, test minus reference "
                 "with the tolerance shaded.",
                 partial(overlay, found.pair, signal, found.bands),

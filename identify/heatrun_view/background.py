@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import panel as pn
 from tornado.ioloop import IOLoop
 
-from .look import TABS_CSS
+from .look import TABS_CSS, WIDE, stacked
 from .words import problem
 
 T = TypeVar("T")
@@ -139,7 +139,7 @@ class LateTabs:
         None is rendered yet; the first one is by `render`, once the page is put together.
         """
         self._contents: list[Any] = []
-        self.view = pn.Tabs(sizing_mode="stretch_width", stylesheets=[TABS_CSS])
+        self.view = pn.Tabs(sizing_mode=WIDE, stylesheets=[TABS_CSS])
         for title, content in parts:
             self.append(title, content)
         self.view.active = active
@@ -153,7 +153,7 @@ class LateTabs:
     def append(self, title: str, content: Any) -> None:
         """Put a tab behind the others."""
         self._contents.append(content)
-        self.view.append((title, pn.Column(sizing_mode="stretch_width")))
+        self.view.append((title, stacked()))
 
     def show(self, content: Any) -> None:
         """Show a tab by its content."""

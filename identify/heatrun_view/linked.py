@@ -25,7 +25,7 @@ from bokeh.plotting import figure
 from heatrun.io.quantities import printed_unit
 from heatrun.record.channels import CHANNELS
 
-from .look import INK, Look
+from .look import INK, WIDE, Look
 from .trace import (
     HELP,
     HOVER,
@@ -120,14 +120,14 @@ class Plots:
         self.x_range = Range1d(start=start, end=end, bounds=_bounds(start, end))
         self.x_range.reset_start, self.x_range.reset_end = start, end
         self.cursors = Cursors()
-        self.readout = Div(text="", sizing_mode="stretch_width", name="readout")
+        self.readout = Div(text="", sizing_mode=WIDE, name="readout")
         self._figures: dict[str, Any] = {}
         for unit in sorted({trace.unit for trace in traces}, key=_place):
             self._figures[unit] = self._figure(unit)
         self._draw(told)
         self.layout = gridplot(
             [[plot] for plot in self._figures.values()], merge_tools=True,
-            sizing_mode="stretch_width", toolbar_location="right", toolbar_options={"logo": None},
+            sizing_mode=WIDE, toolbar_location="right", toolbar_options={"logo": None},
         )  # fmt: skip
         self.resize(height)
         self.paint(look)
@@ -200,7 +200,7 @@ class Plots:
 
     def _figure(self, unit: str) -> Any:
         plot = figure(
-            width=NARROWEST_PX, height=LEAST_PX, sizing_mode="stretch_width", x_range=self.x_range,
+            width=NARROWEST_PX, height=LEAST_PX, sizing_mode=WIDE, x_range=self.x_range,
             y_axis_label=f"[{printed_unit(unit)}]" if unit else None,
             tools="xpan,xwheel_zoom,xbox_zoom,box_zoom,reset,save", active_scroll="xwheel_zoom",
             active_drag="xbox_zoom", output_backend="canvas", min_border_left=70,
