@@ -214,14 +214,11 @@ class Editing:
             except InputError as error:
                 not_saved = message("warning", "Not saved: the text is no motor file.")
                 return Answer(not_saved + fault_html(text, error), is_refused=True)
-            try:
-                if read_motor_file(path) != base:
-                    return Answer(CHANGED)
-                if text == text_of_file(base, name):
-                    return Answer(message("note", "Nothing was changed, and nothing written."))
-                write_motor_file(root, path, base, after)
-            except InputError as error:
-                return Answer(error_message(error))
+            if read_motor_file(path) != base:
+                return Answer(CHANGED)
+            if text == text_of_file(base, name):
+                return Answer(message("note", "Nothing was changed, and nothing written."))
+            write_motor_file(root, path, base, after)
             return Answer(message("note", f"Written into {name}."), saved=after)
 
         self._start(work)
