@@ -59,7 +59,7 @@ class Cutting:
         self._test = pn.widgets.Select(name="Test", sizing_mode=WIDE)
         self._keep = button("Use it", lambda: self._change(with_window), 90)
         self._leave = button("Leave it out", lambda: self._change(without_window), 110)
-        clear = button("Start again", self._start_again, 100)
+        clear = button("Start again", lambda: self._set([]), 100)
         self._write = button(
             "Write into the motor file", self._write_file, 200, button_type="primary"
         )
@@ -121,16 +121,13 @@ class Cutting:
             self._result.object = error_message(error)
         self._show()
 
-    def _start_again(self) -> None:
-        self._windows = []
-        self._result.object = ""
-        self._show()
-
     def _change(self, how: Callable[[Sequence[Window], Window], list[Window]]) -> None:
-        if self._selected is None:
-            return
-        whole = [self._spans[str(self._test.value)]] if how is without_window else []
-        self._windows = how(self._windows or whole, self._selected)
+        if self._selected is not None:
+            whole = [self._spans[str(self._test.value)]] if how is without_window else []
+            self._set(how(self._windows or whole, self._selected))
+
+    def _set(self, windows: list[Window]) -> None:
+        self._windows = windows
         self._result.object = ""
         self._show()
 
@@ -255,8 +252,6 @@ class Signals:
     def __init__(self, cutting: Cutting, redraw: Callable[[], None]) -> None:
         """Take the form that selected windows go to, and what shows everything again."""
         self._screen = Screen()
-        self._traces: list[Trace] = []
-        self._shown: list[tuple[str, str]] = []
         self._plots: Plots | None = None
         self._soon = Soon()
         self._cutting = cutting
@@ -297,24 +292,23 @@ class Signals:
         """
         self._aligning.offer(tests)
         self._cutting.offer(tests, self._aligning.shifts_s)
-        self._traces = self._traces_of(tests, channels, others)
+        traces = self._traces_of(tests, channels, others)
         self._say_undrawn(tests, others)
-        if not self._traces:
+        if not traces:
             words = f"Choose {'signals' if tests else 'tests'} in the side panel."
-            self._plots, self._side.visible, self._shown = None, False, []
+            self._plots, self._side.visible = None, False
             self._plot_place[:], self._read_place[:] = [text_pane(message("note", words))], []
             return
         before = self._plots
         told = Told(self._soon, self._tapped, self._cutting.select)
         shifts_s = self._aligning.shifts_s
         bands = [replace(band, time_s=band.time_s + shifts_s.get(band.test, 0.0)) for band in bands]
-        plots = Plots(self._traces, bands, self._screen.look, self._height, told)
+        plots = Plots(traces, bands, self._screen.look, self._height, told)
         if before is not None and before.x_range.bounds == plots.x_range.bounds:
             plots.move_to(*before.window)
         for number, time_s in enumerate(before.cursors.times_s if before is not None else ()):
             plots.cursors.set(number, time_s)
         self._plots, self._side.visible = plots, True
-        self._shown = _identities(self._traces)
         self._plot_place[:] = [pn.pane.Bokeh(plots.layout, sizing_mode=WIDE)]
         self._read_place[:] = [pn.pane.Bokeh(plots.readout, sizing_mode=WIDE)]
         self._say_cursors()
@@ -322,9 +316,8 @@ class Signals:
     def grow(self, tests: Sequence[Opened], channels: Sequence[str], others: Sequence[str]) -> bool:
         """Show what has come to the tests; return False where the lines are not the same ones."""
         traces = self._traces_of(tests, channels, others)
-        if self._plots is None or _identities(traces) != self._shown:
+        if self._plots is None or _identities(traces) != _identities(self._plots.traces):
             return False
-        self._traces = traces
         self._cutting.offer(tests, self._aligning.shifts_s)
         with in_order():
             self._plots.grow(traces)
@@ -395,7 +388,7 @@ class Signals:
         a_s, b_s = self._plots.cursors.times_s
         start, end = self._plots.window
         self._no_cursors.visible = a_s is not None or b_s is not None
-        self._cursor_table.object = cursor_table(self._traces, a_s, b_s, end - start)
+        self._cursor_table.object = cursor_table(self._plots.traces, a_s, b_s, end - start)
 
     def _as_csv(self) -> io.StringIO:
         """Return all samples in the window, as the file has them, on one column of times."""
@@ -409,9 +402,10 @@ class Signals:
     def _csv_text(self) -> str:
         assert self._plots is not None
         start, end = self._plots.window
-        several = len(tests_of(self._traces)) > 1
+        traces = self._plots.traces
+        several = len(tests_of(traces)) > 1
         columns = {}
-        for trace in self._traces:
+        for trace in traces:
             inside = (trace.time_s >= start) & (trace.time_s <= end)
             is_first = np.diff(trace.time_s[inside], prepend=-np.inf) > 0.0
             times, values = trace.time_s[inside][is_first], trace.value[inside][is_first]
