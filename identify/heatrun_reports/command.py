@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -69,60 +69,36 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Write the reports and print their tables; one that failed makes the exit code 1."""
-    from heatrun.motor.file import load_motor
-
-    from . import make_report
-    from .analysis.general_information import parse_tolerances
-
-    tolerances = parse_tolerances(options.tolerance)
-    if options.kind == "prototypes":
-        outcomes = [_prototypes(options, tolerances)]
-        return _print(outcomes, as_json=options.json)
-    with bar() as progress:
-        outcomes = make_report(
-            options.kind,
-            load_motor(options.motor),
-            options.tests,
-            options.out or Path("Reports"),
-            run=options.run,
-            reference=options.reference,
-            tolerances=tolerances,
-            offset_s=options.offset,
-            language=options.language,
-            say=say,
-            progress=progress,
-        )
-    return _print(outcomes, as_json=options.json)
-
-
-def _prototypes(options: argparse.Namespace, tolerances: Mapping[str, float]) -> Outcome:
     from heatrun.errors import UsageError
     from heatrun.motor.file import load_motor
-
-    from . import make_prototypes_report
-    from .prototypes import parse_roles
-
-    if options.reference is not None or options.offset is not None:
-        raise UsageError(
-            "a prototypes report takes ROLE=FILE for each record and searches the clocks; "
-            "--reference and --offset belong to virtual and real."
-        )
-    roles = parse_roles([str(text) for text in options.tests])
-    return make_prototypes_report(
-        load_motor(options.motor),
-        roles,
-        options.out or Path("Reports"),
-        run=options.run,
-        tolerances=tolerances,
-        language=options.language,
-        say=say,
-    )
-
-
-def _print(outcomes: Sequence[Outcome], *, as_json: bool) -> int:
     from heatrun.results import to_json
 
-    if as_json:
+    from . import make_prototypes_report, make_report
+    from .analysis.general_information import parse_tolerances
+    from .prototypes import parse_roles
+
+    out = options.out or Path("Reports")
+    asked = {
+        "run": options.run,
+        "tolerances": parse_tolerances(options.tolerance),
+        "language": options.language,
+        "say": say,
+    }
+    if options.kind == "prototypes":
+        if options.reference is not None or options.offset is not None:
+            raise UsageError(
+                "a prototypes report takes ROLE=FILE for each record and searches the clocks; "
+                "--reference and --offset belong to virtual and real."
+            )
+        roles = parse_roles([str(text) for text in options.tests])
+        outcomes = [make_prototypes_report(load_motor(options.motor), roles, out, **asked)]
+    else:
+        with bar() as progress:
+            outcomes = make_report(
+                options.kind, load_motor(options.motor), options.tests, out,
+                reference=options.reference, offset_s=options.offset, progress=progress, **asked,
+            )  # fmt: skip
+    if options.json:
         print(to_json({"reports": [_described(outcome) for outcome in outcomes]}))
     else:
         print(printable(_text(outcomes)))

@@ -16,7 +16,7 @@ import json
 import math
 import re
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from importlib.metadata import version
@@ -29,6 +29,7 @@ from heatrun.io.texts import Texts
 from heatrun.io.whole_files import names_begun, without_folders
 from heatrun.readers.dates import CLOCK_OF_DAY as CLOCK
 from heatrun.record.record import Record
+from heatrun.reports.certificate import ENGLISH
 from heatrun.reports.figures import again, save
 from heatrun.reports.pdf import typeset
 from heatrun.reports.printed import fixed, ranked, told
@@ -49,21 +50,13 @@ SMALLEST_PLAIN, LARGEST_PLAIN = 1e-3, 1e6
 """Numbers outside have three digits; far outside, a power of ten."""
 
 
-def write_pdf(
-    report: Report, content: Mapping[str, Any], path: Path, say: Texts | None = None
-) -> Path:
-    """Draw the figures of a report and set it as PDF.
+def write_pdf(report: Report, content: Mapping[str, Any], path: Path, say: Texts) -> Path:
+    """Draw the figures of a report and set it as PDF, whole or not at all, in a language.
 
-    Args:
-        report: What is to be set.
-        content: As `heatrun_reports.document.report_content`, with `"report"`, the
-            file's name.
-        path: Where it goes; written whole or not at all.
-        say: The texts in the language of the report; None for English.
+    The content is as `report_content` returns it.
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        say = say or Texts()
         texts = document_content(report, content, say)
         figures = [
             save(again(drawing.draw(), say), folder / f"{number:03d}.png")
@@ -73,68 +66,33 @@ def write_pdf(
 
 
 def document_content(
-    report: Report, content: Mapping[str, Any], say: Texts | None = None
+    report: Report, content: Mapping[str, Any], say: Texts = ENGLISH
 ) -> dict[str, Any]:
     """Return the texts of the PDF, each cell as it is printed; as `write_pdf`."""
-    say = say or Texts()
-    basis = say.again(content.get("date_from") or "")
-    dated = f"{content['date']} ({basis})" if content.get("date") else say.again("not known")
-    texts = {
+    day, basis = content.get("date"), say.again(content.get("date_from") or "")
+    sources = [f"{s.path} · SHA-256 {s.sha256[:16]}… · {s.reader}" for s in report.sources]
+    findings = [(say(f.severity), *told(f, say)) for f in ranked(report.findings)]
+    said = {
         "version": f"heatrun {version('heatrun')}",
-        "title": report.title,
-        "heading": CARDS[report.kind].heading,
+        "title": say.again(report.title),
+        "heading": say.again(CARDS[report.kind].heading),
         "test": report.test,
-        "summary": report.summary,
-        "meta": [["Motor", report.motor], ["Date of the test", dated]]
-        + [
-            [
-                "File" if number == 0 else "and",
-                f"{source.path} · SHA-256 {source.sha256[:16]}… · {source.reader}",
-            ]
-            for number, source in enumerate(report.sources)
+        "summary": " ".join(map(say.again, re.split(r"(?<=\.) ", report.summary))),
+        "meta": [
+            [say.again("Motor"), report.motor],
+            [say.again("Date of the test"), f"{day} ({basis})" if day else say.again("not known")],
+            *([say.again("and" if at else "File"), each] for at, each in enumerate(sources)),
         ],
-        "rows": [_row(row) for row in report.rows],
-        "tables": [_printed_table(table) for table in report.tables],
-        "captions": [drawing.caption for drawing in report.drawings],
-        "findings": [[f.severity, told(f, say)[0]] for f in ranked(report.findings)],
-        "definitions": [[name, text] for name, text in report.definitions],
-    }
-    said = _again(texts, say)
-    if say.is_whole and all(told(f, say)[1] for f in report.findings):
-        said["remark"] = ""
-    return _printed(said, [source.path for source in report.sources])
-
-
-def _again(texts: Mapping[str, Any], say: Texts) -> dict[str, Any]:
-    """Return the texts of a report in another language, as far as the table has them."""
-
-    def rows(key: str, *as_given: int) -> list[list[str]]:
-        return [
-            [text if place in as_given else say.again(text) for place, text in enumerate(row)]
-            for row in texts[key]
-        ]
-
-    return {
-        **texts,
-        **{key: say.again(texts[key]) for key in ("title", "heading")},
-        "summary": " ".join(map(say.again, re.split(r"(?<=\.) ", texts["summary"]))),
-        "meta": rows("meta", 1),
-        "rows": rows("rows", 2),
-        "definitions": rows("definitions"),
-        "captions": [say.again(text) for text in texts["captions"]],
-        "findings": [[say(severity), text] for severity, text in texts["findings"]],
-        "tables": [
-            {
-                "title": say.again(table["title"]),
-                "head": [say.again(text) for text in table["head"]],
-                "lines": [[say.again(text) for text in line] for line in table["lines"]],
-                "notes": [": ".join(map(say.again, note)) for note in table["notes"]],
-            }
-            for table in texts["tables"]
-        ],
+        "rows": [_row(row, say) for row in report.rows],
+        "tables": [_printed_table(table, say) for table in report.tables],
+        "captions": [say.again(drawing.caption) for drawing in report.drawings],
+        "findings": [[severity, text] for severity, text, _ in findings],
+        "definitions": [[say.again(name), say.again(text)] for name, text in report.definitions],
         "labels": {key: say(key) for key in ("findings", "definitions", "page", "of")},
-        "remark": say("rest_in_english"),
     }
+    is_whole = say.is_whole and all(is_said for *_, is_said in findings)
+    said["remark"] = "" if is_whole else say("rest_in_english")
+    return _printed(said, [source.path for source in report.sources])
 
 
 def _printed(value: Any, paths: Sequence[str]) -> Any:
@@ -147,11 +105,9 @@ def _printed(value: Any, paths: Sequence[str]) -> Any:
 
 
 def number(value: Cell, places: int | None = None) -> str:
-    """Return a cell as it is printed: a text as it is, five digits, a dash where it is undefined.
+    """Return a cell as it is printed: a text as it is, a dash where it is undefined.
 
-    Args:
-        value: Of the cell.
-        places: Decimal places that its uncertainty leaves, negative for tens; None for five digits.
+    A number has the decimal places that its uncertainty leaves, negative for tens; or five digits.
 
     Example:
         >>> number(0.0039), number(247.11654), number(None), number(-0.0)
@@ -182,27 +138,28 @@ def printed(text: str) -> str:
     return with_breaks(plain, BREAKS_EVERY)
 
 
-def _row(row: Row) -> list[str]:
+def _row(row: Row, say: Texts) -> list[str]:
     value, note = number(row.value, row.places), row.note
     if len(value) > LONGEST_VALUE:  # it would take the room of the notes
         value, note = "", f"{value}; {note}" if note else value
-    return [row.label, value, row.unit, note]
+    return [say.again(row.label), say.again(value), row.unit, say.again(note)]
 
 
-def _printed_table(table: Table) -> dict[str, Any]:
-    head = [_with_unit(column.label, column.unit) for column in table.columns]
-    lines = [[_with_unit(line.name, line.unit), *_short_cells(line)] for line in table.lines]
-    notes = [(line.name, line.note) for line in table.lines if line.note]
+def _printed_table(table: Table, say: Texts) -> dict[str, Any]:
+    def named(name: str, unit: str | None) -> str:
+        return say.again(name if unit in (None, "", "1") else f"{name} [{unit}]")
+
+    lines = [
+        [named(line.name, line.unit), *(say.again(cell) for cell in _short_cells(line))]
+        for line in table.lines
+    ]
+    notes = [f"{say.again(x.name)}: {say.again(x.note)}" for x in table.lines if x.note]
     return {
-        "title": table.title,
-        "head": ["", *head],
+        "title": say.again(table.title),
+        "head": ["", *(named(column.label, column.unit) for column in table.columns)],
         "lines": lines,
-        "notes": [*notes, (table.note,)] if table.note else notes,
+        "notes": [*notes, say.again(table.note)] if table.note else notes,
     }
-
-
-def _with_unit(name: str, unit: str | None) -> str:
-    return name if unit in (None, "", "1") else f"{name} [{unit}]"
 
 
 def _short_cells(line: Line) -> list[str]:
@@ -222,12 +179,7 @@ def _short(value: Cell) -> str:
 
 
 def report_content(report: Report, when: DateOfTest | None) -> dict[str, Any]:
-    """Return all that a report says, as numbers and texts.
-
-    Args:
-        report: Any report.
-        when: Date of the test and how it is known; None where it is not.
-    """
+    """Return all that a report says, as numbers and texts, with the date of the test if known."""
     return {
         "format": "heatrun-report/1",
         "type": report.kind,
@@ -241,34 +193,29 @@ def report_content(report: Report, when: DateOfTest | None) -> dict[str, Any]:
             {"name": r.name, "label": r.label, "value": r.value, "unit": r.unit, "note": r.note}
             for r in report.rows
         ],
-        "tables": [_table(table) for table in report.tables],
+        "tables": [
+            {
+                "title": table.title,
+                "note": table.note,
+                "lines": [
+                    {
+                        "name": line.name,
+                        "note": line.note,
+                        "cells": [
+                            {"quantity": quantity, "value": value, "unit": unit}
+                            for quantity, value, unit in table.cells(line)
+                        ],
+                    }
+                    for line in table.lines
+                ],
+            }
+            for table in report.tables
+        ],
         "findings": ranked(report.findings),
         "definitions": [{"name": name, "text": text} for name, text in report.definitions],
         "channels": list(report.channels),
         "sources": [
             {"path": s.path, "sha256": s.sha256, "reader": s.reader} for s in report.sources
-        ],
-    }
-
-
-def _table(table: Table) -> dict[str, Any]:
-    return {
-        "title": table.title,
-        "note": table.note,
-        "lines": [
-            {
-                "name": line.name,
-                "note": line.note,
-                "cells": [
-                    {
-                        "quantity": column.label,
-                        "value": cell,
-                        "unit": line.unit if column.unit is None else column.unit,
-                    }
-                    for column, cell in zip(table.columns, line.cells, strict=True)
-                ],
-            }
-            for line in table.lines
         ],
     }
 
@@ -285,20 +232,18 @@ def csv_table(report: Report) -> str:
 
     Numbers stay numbers, whatever their sign; texts that a spreadsheet would take for a formula get
     an apostrophe in front of it. What is undefined is an empty cell with its reason in the note.
-
-    Args:
-        report: Any report.
     """
+    lines = [(report.title, report.test, r.label, r.value, r.unit, r.note) for r in report.rows]
+    lines += [
+        (table.title, line.name, *cell, line.note)
+        for table in report.tables
+        for line in table.lines
+        for cell in table.cells(line)
+    ]
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(HEAD)
-    for row in report.rows:
-        writer.writerow(_cells(report.title, report.test, row.label, row.value, row.unit, row.note))
-    for table in report.tables:
-        for line in table.lines:
-            for column, cell in zip(table.columns, line.cells, strict=True):
-                unit = line.unit if column.unit is None else column.unit
-                writer.writerow(_cells(table.title, line.name, column.label, cell, unit, line.note))
+    writer.writerows([_cell(each) for each in line] for line in lines)
     return stream.getvalue()
 
 
@@ -306,10 +251,6 @@ def neutral(text: str) -> str:
     """Return a text in which no spreadsheet sees a formula or a line of its own."""
     plain = "".join(c if c.isprintable() else " " for c in text)
     return FORMULA.sub(r"\1\2'", plain)
-
-
-def _cells(*cells: Cell) -> list[str]:
-    return [_cell(cell) for cell in cells]
 
 
 def _cell(cell: Cell) -> str:
@@ -355,11 +296,8 @@ class DateOfTest:
 def date_of_test(path: Path, record: Record) -> DateOfTest | None:
     """Return the date of a test: that of its record, else the one in the name of its file.
 
-    The time at which a file was last changed says when it was copied, and nothing of the test.
-
-    Args:
-        path: The bench file; of two joined by `+`, the first.
-        record: What was read from it.
+    The time at which a file was last changed says when it was copied, and nothing of the test. Of
+    two files joined by `+` the first counts.
     """
     first = path if path.exists() else Path(str(path).partition("+")[0].partition("@")[0])
     for found in IN_NAME.finditer(first.name):
@@ -381,9 +319,6 @@ def date_of_record(record: Record) -> DateOfTest | None:
 def name_of_test(test: str) -> str:
     """Return what the name of a test says beside its date and number; empty for nothing.
 
-    Args:
-        test: Its name, such as `"pump 3_2022_12_07_001"`.
-
     Example:
         >>> name_of_test("pump 3_2022_12_07_001"), name_of_test("Test_2022_12_07_001")
         ('pump_3', '')
@@ -403,14 +338,9 @@ def choose_name(
     """Return the name of the report of a test, without its ending: its former one, or a free one.
 
     A PDF without a JSON of heatrun's beside it is someone else's. A report that another process
-    is writing has its name too; the same one, made of the same files, is replaced by the later.
-
-    Args:
-        folder: Of the reports; nobody else may choose a name in it in the meantime.
-        kind: Test type.
-        when: Date and number of the test; None where the date is not known.
-        identity: Digests of the files behind the report; one with the same is overwritten.
-        test: Name of the test.
+    is writing has its name too; the same one, made of the same files, is replaced by the later: the
+    identity holds the digests of the files behind it. Nobody else may choose a name in the folder
+    in the meantime.
 
     Raises:
         InputError: If a thousand reports of this day, or undated ones, are there already.
@@ -418,11 +348,15 @@ def choose_name(
     """
     words = name_of_test(test)
     day = "" if when is None else f"{when.day:%Y_%m_%d}"
-    known = [words, day, "" if when is None else when.number]
+    running = "" if when is None else when.number
     begun = names_begun(folder, CARDS[kind].stem)
-    for end in _ends(is_numbered=bool(words or known[-1])):
-        parts = [CARDS[kind].stem, *filter(None, known)]
-        name = "_".join(parts if words or day else [*parts, UNDATED]) + end
+    if words or running:
+        ends = ("", *(f"-{number}" for number in range(2, MOST_REPORTS + 1)))
+    else:  # the running numbers of a day
+        ends = tuple(f"_{number:03d}" for number in range(1, MOST_REPORTS + 1))
+    said = [words, day, running] if words or day else [UNDATED]
+    for end in ends:
+        name = "_".join([CARDS[kind].stem, *filter(None, said)]) + end
         others = {n for n in begun if n.partition(".")[0] == name} - {set_name(name, identity)}
         taken = [folder / f"{name}{ending}" for ending in (".pdf", ".csv", ".json")]
         if others or (any(path.exists() for path in taken) and _identity(taken[-1]) != identity):
@@ -433,15 +367,6 @@ def choose_name(
         where=str(folder),
         remedy="Choose another folder with --out.",
     )
-
-
-def _ends(*, is_numbered: bool) -> Iterator[str]:
-    """Give the running numbers of a day; behind a name or number of the test's own `-2`, `-3`."""
-    if not is_numbered:
-        yield from (f"_{number:03d}" for number in range(1, MOST_REPORTS + 1))
-        return
-    yield ""
-    yield from (f"-{number}" for number in range(2, MOST_REPORTS + 1))
 
 
 def set_name(name: str, identity: list[str]) -> str:

@@ -21,40 +21,36 @@ from heatrun.record.samples import is_measured, rounding_step, samples, sink_cha
 
 from .analysis.drive import (
     Course,
-    OperatingMap,
     above_one,
-    bridged_steps,
     electrical_power,
     has,
     integrate,
+    measured,
     operating_map,
+    weights,
     with_powers,
 )
 from .analysis.general_information import (
-    DEFINITIONS,
-    FIGURES,
+    INTEGRATION,
     J_PER_KWH,
     GeneralInformation,
     general_information,
 )
 from .plot import courses, energy_course, plane, unit, wording
-from .report import NOT_OF_THE_MACHINE, TEST_TYPES, Column, Drawing, Line, Report, Row, Table
+from .report import CARDS, NOT_OF_THE_MACHINE, Column, Drawing, Line, Report, Row, Table
 
 WORTH_SAYING = 0.01
 """Reduction by regeneration [%] below which it is the noise of a meter around no power."""
 
 
 def general_report(motor: Motor, record: Record) -> Report:
-    """Return the General Test report of a record.
-
-    Args:
-        motor: Gives gear ratio and wheel radius.
-        record: Any record.
+    """Return the General Test report of a record; the motor gives gear ratio and wheel radius.
 
     Raises:
         InputError: If time runs backwards, or no signal was recorded.
     """
-    if not recorded(record):
+    shown = recorded(record)
+    if not shown:
         raise InputError(
             "Expected at least one signal beside the time, found none that is mapped and filled; "
             f"columns that are not used: {', '.join(record.unused) or 'none'}.",
@@ -62,60 +58,58 @@ def general_report(motor: Motor, record: Record) -> Report:
             remedy='Map them in the motor file, such as [columns] speed_rpm = "n [rpm]".',
         )
     found = general_information(record, motor)
-    drawings = [
-        Drawing("courses", "All recorded signals over time.", lambda: courses(record, motor))
-    ]
+    drawings = [Drawing("All recorded signals over time.", lambda: courses(record, motor))]
     if found.energy_kWh is not None:
-        drawings.append(
-            Drawing(
-                "energy",
-                "Electrical power, and the energy drawn so far with and without what was fed back.",
-                lambda: energy_course(record, motor),
-            )
-        )
+        drawings.append(_energy_drawing(record, motor))
     if has(record, "torque_Nm", "speed_rpm"):
         drawings.append(
             Drawing(
-                "plane",
                 "The torque-speed plane: where the test was, and where power is known, its mean "
                 "and the efficiency of each cell.",
                 lambda: plane(record, operating_map(record, motor)),
             )
         )
+    inside = [c for c in shown if c.endswith("_degC") and c not in NOT_OF_THE_MACHINE]
     return Report(
         kind="general",
-        title=TEST_TYPES["general"].title,
         test=record.name,
         motor=motor.name,
-        summary=information_summary(found, record),
-        rows=information_rows(found),
-        tables=(_signals(record, motor),),
+        summary=_summary(found, record),
+        rows=_information_rows(found),
+        tables=(signal_table(record, shown, rises_of=inside, sink=sink_channel(motor)),),
         drawings=tuple(drawings),
         findings=(*record.findings, *found.findings),
-        definitions=information_definitions(found),
-        channels=recorded(record),
+        definitions=_definitions(found),
+        channels=shown,
         sources=record.sources,
         result=found,
     )
 
 
-def information_rows(found: GeneralInformation) -> tuple[Row, ...]:
-    """Return the General Information table; what is undefined says why."""
-    return tuple(
-        Row(name, label, getattr(found, name), unit, _why(found.undefined.get(name, "")))
-        for name, label, unit in found.figures
+def _energy_drawing(record: Record, motor: Motor) -> Drawing:
+    return Drawing(
+        "Electrical power, and the energy drawn so far with and without what was fed back.",
+        lambda: energy_course(record, motor),
     )
 
 
-def information_definitions(found: GeneralInformation) -> tuple[tuple[str, str], ...]:
+def _information_rows(found: GeneralInformation) -> tuple[Row, ...]:
+    """Return the General Information table; what is undefined says why."""
+    why = {name: f"undefined: {reason}" for name, reason in found.undefined.items()}
+    return tuple(
+        Row(one.name, one.label, getattr(found, one.name), one.unit, why.get(one.name, ""))
+        for one in found.figures
+    )
+
+
+def _definitions(found: GeneralInformation) -> tuple[tuple[str, str], ...]:
     """Return what the figures mean, and which channels they were taken from."""
-    left_out = {label for _, label, _ in FIGURES} - {label for _, label, _ in found.figures}
-    kept = (each for each in DEFINITIONS if each[0] not in left_out)
-    return (*kept, *(("Taken from", formula) for formula in found.formulas))
+    figures = ((one.label, one.definition) for one in found.figures)
+    sources = (("Taken from", formula) for formula in found.formulas)
+    return (*figures, ("Integration", INTEGRATION), *sources)
 
 
-def information_summary(found: GeneralInformation, record: Record) -> str:
-    """Return what came out in a sentence."""
+def _summary(found: GeneralInformation, record: Record) -> str:
     parts = [f"{record.duration_s / 60.0:.1f} min, {record.time_s.size} samples"]
     if found.energy_kWh is not None:
         parts.append(f"{found.energy_kWh:.4g} kWh")
@@ -128,25 +122,11 @@ def information_summary(found: GeneralInformation, record: Record) -> str:
     return ", ".join(parts) + "."
 
 
-def _why(reason: str) -> str:
-    return f"undefined: {reason}" if reason else ""
-
-
-def _signals(record: Record, motor: Motor) -> Table:
-    """Return the signals, with the rises of the machine's temperatures over its sink."""
-    measured = signal_table(record, recorded(record))
-    sink = sink_channel(motor)
-    inside = [c for c in recorded(record) if c.endswith("_degC") and c not in NOT_OF_THE_MACHINE]
-    rises = rise_lines(record, inside, sink) if sink in record else ()
-    return replace(measured, lines=(*measured.lines, *rises))
-
-
 EFFICIENCY = (
     "Mechanical over electrical energy where both are positive (as a motor), electrical over "
     "mechanical where both are negative (as a generator). In the map energies are summed over a "
     "cell before they are divided."
 )
-
 
 BY_LOAD = (
     "Load is the shaft power as a share of its largest magnitude; below 2 % there is none. Means "
@@ -157,10 +137,8 @@ BY_LOAD = (
 def energy_report(motor: Motor, record: Record) -> Report:
     """Return the Energy Consumption report of a record.
 
-    Args:
-        motor: Gives gear ratio and wheel radius, where the machine is in a vehicle; else distance
-            and consumption give way to energies and efficiency by operating range.
-        record: With electrical power.
+    Where the machine is in no vehicle, distance and consumption give way to energies and
+    efficiency by operating range.
 
     Raises:
         InputError: If the power is missing, or time runs backwards.
@@ -168,53 +146,43 @@ def energy_report(motor: Motor, record: Record) -> Report:
     power = electrical_power(record, motor)
     found = general_information(record, motor)
     found_map, shaft = operating_map(record, motor), shaft_energy(record, motor)
-    shown = [c for c in TEST_TYPES["energy"].channels if has(record, c)]
-    kept = Record(record.name, {c: record[c] for c in ("time_s", *shown)}, record.sources)
-    drawings = [
-        Drawing(
-            "energy",
-            "Electrical power, and the energy drawn so far with and without what was fed back.",
-            lambda: energy_course(kept, motor),
-        ),
-    ]
+    channels = [c for c in CARDS["energy"].channels if has(record, c)]
+    kept = Record(record.name, {c: record[c] for c in ("time_s", *channels)}, record.sources)
+    drawings = [_energy_drawing(kept, motor)]
     if has(record, "torque_Nm", "speed_rpm"):
         drawings.append(
             Drawing(
-                "plane",
                 "The torque-speed plane: operating points, mean electrical power and efficiency "
                 "of each cell.",
                 lambda: plane(kept, found_map),
             )
         )
-    drawings.append(
-        Drawing("courses", "The signals behind it over time.", lambda: courses(kept, motor))
-    )
-    definitions = information_definitions(found)
-    tables = [signal_table(with_powers(kept, motor), recorded(with_powers(kept, motor)))]
+    drawings.append(Drawing("The signals behind it over time.", lambda: courses(kept, motor)))
+    full, summary, definitions = with_powers(kept, motor), _summary(found, record), []
+    tables, findings = [signal_table(full, recorded(full))], []
     if shaft is not None:
-        definitions = (*definitions, ("Efficiency", EFFICIENCY))
-    if shaft is not None and not found.of_vehicle:
-        tables.insert(0, _range_table(shaft))
+        definitions = [("Efficiency", EFFICIENCY)]
+        ranges = np.array([one.cells[-1] for one in shaft.ranges.lines], dtype=float) / 100.0
+        findings = above_one(record, ranges if found_map is None else found_map.efficiency)
+        if not found.of_vehicle:
+            tables.insert(0, shaft.ranges)
+            if shaft.efficiency_motor is not None:
+                said = f"efficiency {100.0 * shaft.efficiency_motor:.3g} % as a motor."
+                summary = f"{summary.rstrip('.')}, {said}"
     return Report(
         kind="energy",
-        title=TEST_TYPES["energy"].title,
         test=record.name,
         motor=motor.name,
-        summary=_summary(found, record, shaft),
+        summary=summary,
         rows=(
-            *information_rows(found),
+            *_information_rows(found),
             *_power_rows(record, power, found.covered_s),
             *_shaft_rows(shaft, power.formula, of_vehicle=found.of_vehicle),
         ),
         tables=tuple(tables),
         drawings=tuple(drawings),
-        findings=(
-            *record.findings,
-            *found.findings,
-            *_of_balance(record, motor),
-            *(() if shaft is None else above_one(record, _efficiencies(shaft, found_map))),
-        ),
-        definitions=definitions,
+        findings=(*record.findings, *found.findings, *_of_balance(record, motor), *findings),
+        definitions=(*_definitions(found), *definitions),
         channels=recorded(kept),
         sources=record.sources,
         result=found,
@@ -232,22 +200,8 @@ def _of_balance(record: Record, motor: Motor) -> Iterator[Finding]:
         yield replace(one, message=f"{seen} {as_they_are}", remedy=remedy, test=record.name)
 
 
-def _summary(found: GeneralInformation, record: Record, shaft: ShaftEnergy | None) -> str:
-    said = information_summary(found, record)
-    if found.of_vehicle or shaft is None or shaft.efficiency_motor is None:
-        return said
-    return f"{said.rstrip('.')}, efficiency {100.0 * shaft.efficiency_motor:.3g} % as a motor."
-
-
-def _efficiencies(shaft: ShaftEnergy, found: OperatingMap | None) -> np.ndarray:
-    """Return the efficiencies of all cells; without a map, those of the ranges [1]."""
-    ranges = [np.nan if one.efficiency is None else one.efficiency for one in shaft.ranges]
-    return np.array(ranges) if found is None else found.efficiency
-
-
 def _power_rows(record: Record, power: Course, covered_s: float) -> tuple[Row, ...]:
-    made = Record(record.name, {"time_s": record.time_s, "power": power.values})
-    time_s, values = samples(made, "power")
+    time_s, values = measured(record, power.values)
     drawn, fed_back = float(values.max()), float(max(-values.min(), 0.0))
     mean = integrate(time_s, values).net / covered_s / 1000.0 if covered_s > 0.0 else None
     return (
@@ -260,56 +214,26 @@ def _power_rows(record: Record, power: Course, covered_s: float) -> tuple[Row, .
 def _shaft_rows(found: ShaftEnergy | None, formula: str, *, of_vehicle: bool) -> list[Row]:
     if found is None:
         return []
-    rows = []
-    if not of_vehicle:
-        rows.append(
-            Row("shaft_out_kWh", "Energy delivered at the shaft", found.out_J / J_PER_KWH, "kWh")
-        )
+    by_mode = (("motor", found.efficiency_motor), ("generator", found.efficiency_generator))
+    if of_vehicle:
+        rows, shown = [], [(mode, value) for mode, value in by_mode if value is not None]
+    else:
+        out, taken = found.out_J / J_PER_KWH, found.in_J / J_PER_KWH
+        rows, shown = [Row("shaft_out_kWh", "Energy delivered at the shaft", out, "kWh")], by_mode
         if found.efficiency_generator is not None:
-            rows.append(
-                Row("shaft_in_kWh", "Energy taken at the shaft", found.in_J / J_PER_KWH, "kWh")
-            )
-    for mode, value in (
-        ("motor", found.efficiency_motor),
-        ("generator", found.efficiency_generator),
-    ):
-        if value is None and not of_vehicle:
-            continue
+            rows.append(Row("shaft_in_kWh", "Energy taken at the shaft", taken, "kWh"))
+    for mode, value in shown:
         note = formula if value is not None else f"undefined: never ran as a {mode}"
-        shown = None if value is None else 100.0 * value
+        percent = None if value is None else 100.0 * value
         name = f"efficiency_{mode}_percent"
-        rows.append(Row(name, f"Efficiency as a {mode}", shown, "%", note, places=1))
+        rows.append(Row(name, f"Efficiency as a {mode}", percent, "%", note, places=1))
     return rows
 
 
-def _range_table(found: ShaftEnergy) -> Table:
-    columns = (
-        Column("time", "min"),
-        Column("mean power in", "kW"),
-        Column("peak power", "kW"),
-        Column("mean at the shaft", "kW"),
-        Column("mean losses", "kW"),
-        Column("efficiency", "%"),
-    )
-    lines = [
-        Line(
-            one.name,
-            "",
-            (
-                one.duration_s / 60.0,
-                one.drawn_W / 1000.0,
-                one.peak_W / 1000.0,
-                one.shaft_W / 1000.0,
-                (one.drawn_W - one.shaft_W) / 1000.0,
-                None if one.efficiency is None else 100.0 * one.efficiency,
-            ),
-            places=(1, None, None, None, None, 1),
-        )
-        for one in found.ranges
-    ]
-    title = f"By load, in % of {found.largest_W / 1000.0:.4g} kW at the shaft"
-    return Table(title, columns, tuple(lines), BY_LOAD)
-
+RANGE_COLUMNS = (
+    Column("time", "min"), Column("mean power in", "kW"), Column("peak power", "kW"),
+    Column("mean at the shaft", "kW"), Column("mean losses", "kW"), Column("efficiency", "%"),
+)  # fmt: skip
 
 NO_LOAD = 0.02
 """Share of the largest shaft power below which the machine delivers nothing [1]: the zero of a
@@ -321,32 +245,10 @@ SHARES = (NO_LOAD, 0.25, 0.5, 0.75, 1.0)
 
 
 @dataclass(frozen=True)
-class OperatingRange:
-    """What a machine did while its shaft power lay in a range.
-
-    Attributes:
-        name: Of the range.
-        duration_s: How long [s].
-        drawn_W: Mean electrical power [W], negative where it was fed back.
-        peak_W: The electrical power of the largest magnitude [W].
-        shaft_W: Mean shaft power [W].
-        efficiency: Output over input energy [1]; None without load.
-    """
-
-    name: str
-    duration_s: float
-    drawn_W: float
-    peak_W: float
-    shaft_W: float
-    efficiency: float | None
-
-
-@dataclass(frozen=True)
 class ShaftEnergy:
     """Energy at the shaft, and what became of it.
 
     Attributes:
-        largest_W: Largest magnitude of the shaft power, which ranges are shares of [W].
         out_J: Delivered as a motor [J].
         in_J: Taken as a generator [J].
         efficiency_motor: Of the time as a motor [1]; None if there was none.
@@ -354,12 +256,11 @@ class ShaftEnergy:
         ranges: From generator to the largest shaft power; those that were never met left out.
     """
 
-    largest_W: float
     out_J: float
     in_J: float
     efficiency_motor: float | None
     efficiency_generator: float | None
-    ranges: tuple[OperatingRange, ...]
+    ranges: Table
 
 
 def shaft_energy(record: Record, motor: Motor) -> ShaftEnergy | None:
@@ -368,10 +269,6 @@ def shaft_energy(record: Record, motor: Motor) -> ShaftEnergy | None:
     Energies are summed over a range before they are divided, by trapezoids over the record's own
     time axis, gaps left out.
 
-    Args:
-        record: With electrical power.
-        motor: Gives the number of phases.
-
     Raises:
         InputError: If no electrical power was recorded.
     """
@@ -379,12 +276,10 @@ def shaft_energy(record: Record, motor: Motor) -> ShaftEnergy | None:
     power = electrical_power(record, motor)
     if not has(full, "mechanical_power_W"):
         return None
-    made = Record(record.name, {**full.channels, "power": power.values})
-    time_s, drawn, shaft = samples(made, "power", "mechanical_power_W")
+    time_s, drawn, shaft = measured(full, power.values, full["mechanical_power_W"])
     if time_s.size < 2:
         return None
-    steps = bridged_steps(time_s)
-    weight = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
+    weight = weights(time_s)
     whole, largest = integrate(time_s, shaft), float(np.max(np.abs(shaft)))
     share = shaft / largest if largest > 0.0 else shaft
     spans = [("as a generator", share < -NO_LOAD), ("no load", np.abs(share) <= NO_LOAD)]
@@ -393,27 +288,29 @@ def shaft_energy(record: Record, motor: Motor) -> ShaftEnergy | None:
         for low, high in pairwise(SHARES)
     ]
 
-    def of_range(name: str, inside: np.ndarray) -> OperatingRange:
+    def of_range(name: str, inside: np.ndarray) -> Line:
         part = weight * inside
-        efficiency = _ratio(drawn, shaft, part) if name == "as a generator" else None
-        if name not in ("as a generator", "no load"):
-            efficiency = _ratio(shaft, drawn, part)
-        return OperatingRange(
-            name,
-            float(np.sum(part)),
-            float(part @ drawn / np.sum(part)),
-            float(drawn[inside][np.argmax(np.abs(drawn[inside]))]),
-            float(part @ shaft / np.sum(part)),
-            efficiency,
+        mean_in, mean_out = (float(part @ each / np.sum(part)) for each in (drawn, shaft))
+        output, given = (drawn, shaft) if name == "as a generator" else (shaft, drawn)
+        efficiency = None if name == "no load" else _ratio(output, given, part)
+        cells = (
+            float(np.sum(part)) / 60.0,
+            mean_in / 1000.0,
+            float(drawn[inside][np.argmax(np.abs(drawn[inside]))]) / 1000.0,
+            mean_out / 1000.0,
+            (mean_in - mean_out) / 1000.0,
+            None if efficiency is None else 100.0 * efficiency,
         )
+        return Line(name, "", cells, places=(1, None, None, None, None, 1))
 
+    lines = tuple(of_range(name, span) for name, span in spans if np.sum(weight * span) > 0.0)
+    title = f"By load, in % of {largest / 1000.0:.4g} kW at the shaft"
     return ShaftEnergy(
-        largest,
         whole.positive,
         -whole.negative,
         _ratio(shaft, drawn, weight * ((drawn > 0.0) & (shaft > 0.0))),
         _ratio(drawn, shaft, weight * ((drawn < 0.0) & (shaft < 0.0))),
-        tuple(of_range(name, span) for name, span in spans if np.sum(weight * span) > 0.0),
+        Table(title, RANGE_COLUMNS, lines, BY_LOAD),
     )
 
 
@@ -427,25 +324,9 @@ FINEST, COARSEST = 1e-2, 10.0
 """Steps of readings that are printed as they were logged; of others four digits say enough."""
 
 COLUMNS = (
-    Column("start"),
-    Column("end"),
-    Column("lowest"),
-    Column("mean"),
-    Column("highest"),
+    Column("start"), Column("end"), Column("lowest"), Column("mean"), Column("highest"),
     Column("missing", "%"),
-)
-
-
-def signal_table(record: Record, channels: tuple[str, ...], title: str = "Signals") -> Table:
-    """Return a line for each channel; means are weighted by time, gaps left out.
-
-    Args:
-        record: Any record.
-        channels: Canonical names; those without a measured sample are left out.
-        title: Heading of the table.
-    """
-    lines = tuple(_line(record, channel) for channel in channels)
-    return Table(title, COLUMNS, tuple(line for line in lines if line is not None))
+)  # fmt: skip
 
 
 def recorded(record: Record) -> tuple[str, ...]:
@@ -453,60 +334,41 @@ def recorded(record: Record) -> tuple[str, ...]:
     return tuple(c for c in record.channels if c != "time_s" and has(record, c))
 
 
-def rise_lines(record: Record, channels: Sequence[str], sink: str) -> tuple[Line, ...]:
-    """Return the lines of temperatures' rises over a sink, where both were measured.
+def signal_table(
+    record: Record, channels: Sequence[str], title: str = "Signals", *,
+    rises_of: Sequence[str] = (), sink: str = "",
+) -> Table:  # fmt: skip
+    """Return a line for each channel, and for rises over a sink where both were measured.
 
-    Args:
-        record: Any record.
-        channels: Temperatures, canonical names.
-        sink: Likewise.
+    Means are weighted by time, gaps left out; channels without a measured sample are left out.
     """
-    lines = []
-    for channel in channels:
-        time_s, values, below = samples(record, channel, sink)
-        if time_s.size:
-            name = f"{wording(channel)} over {wording(sink)}"
-            lines.append(
-                _line_of(name, "K", time_s, values - below, _missing(record, channel, sink))
-            )
-    return tuple(lines)
+    lines = [_line(wording(c), unit(c), record, c) for c in channels]
+    if sink in record:
+        names = [(c, f"{wording(c)} over {wording(sink)}") for c in rises_of]
+        lines += [_line(name, "K", record, c, sink) for c, name in names]
+    return Table(title, COLUMNS, tuple(line for line in lines if line is not None))
 
 
-def _line(record: Record, channel: str) -> Line | None:
-    time_s, values = samples(record, channel)
+def _line(name: str, symbol: str, record: Record, *channels: str) -> Line | None:
+    """A line on a channel, less a second one if there is one; None where nothing was measured."""
+    time_s, values, *below = samples(record, *channels)
     if time_s.size == 0:
         return None
-    missing = _missing(record, channel)
-    return _line_of(wording(channel), unit(channel), time_s, values, missing)
-
-
-def _missing(record: Record, *channels: str) -> float:
-    """Return how much of a record misses one of some channels [%]."""
-    return 100.0 * (
-        1.0 - float(np.mean(np.all([is_measured(record[c]) for c in channels], axis=0)))
-    )
-
-
-def _line_of(
-    name: str, symbol: str, time_s: np.ndarray, values: np.ndarray, missing: float
-) -> Line:
-    steps = bridged_steps(time_s)
-    weight = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
+    values = values - below[0] if below else values
+    known = np.all([is_measured(record[c]) for c in channels], axis=0)
+    weight = weights(time_s)
     mean = float(weight @ values / np.sum(weight)) if np.sum(weight) > 0.0 else float(values.mean())
     first, last, low, high = (float(v) for v in (values[0], values[-1], values.min(), values.max()))
     places = places_of_readings(values)
     further = None if places is None else places + 1
     return Line(
-        name, symbol, (first, last, low, mean, high, missing),
+        name, symbol, (first, last, low, mean, high, 100.0 * (1.0 - float(np.mean(known)))),
         places=(places, places, places, further, places, None),
     )  # fmt: skip
 
 
 def places_of_readings(values: np.ndarray) -> int | None:
-    """Return the decimal places of readings that lie on a decimal grid, None for others.
-
-    Args:
-        values: Measured values without NaN, shape (time,).
+    """Return the decimal places of readings, shape (time,), on a decimal grid; None for others.
 
     Example:
         >>> places_of_readings(np.round(np.sin(np.arange(50.0)), 2))

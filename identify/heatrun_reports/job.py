@@ -9,7 +9,7 @@ from pathlib import Path
 
 from heatrun.errors import InputError, UsageError
 from heatrun.io.open_file import digest
-from heatrun.io.own_files import is_run_folder, own_file_at
+from heatrun.io.own_files import ENDINGS, is_run_folder, own_file_at
 from heatrun.io.texts import LANGUAGES, Texts
 from heatrun.io.whole_files import together, writable, write_whole
 from heatrun.readers.joined import read_tests
@@ -30,6 +30,8 @@ from .document import (
     write_pdf,
 )
 from .general import energy_report, general_report
+from .prototypes import base_of, read_prototypes
+from .prototypes_report import prototypes_report
 from .report import CARDS, TEST_TYPES, Kind, Report
 from .simulated import Reference, read_reference, reference_of_run, refuse_changed, simulate_run
 from .thermal import thermal_report
@@ -45,10 +47,7 @@ class Outcome:
 
     Attributes:
         test: As it was named: path of a file, or name of a record.
-        pdf: The report; None if there is none.
-        csv: Its tables.
-        json: Its tables, findings and sources.
-        report: What was typeset.
+        pdf: The report; None if there is none, as the other files.
         content: What stands in the JSON.
         error: Why there is no report; None if there is one.
     """
@@ -114,12 +113,13 @@ def make_report(
     with writable("the folder of the reports", out):
         out.mkdir(parents=True, exist_ok=True)
     found = tests_in(tests)
-    if found.left_out and say is not None:
-        say(f"no bench files, left out: {', '.join(path.name for path in found.left_out)}")
-    if found.own and say is not None:
-        names = ", ".join(path.name for path in found.own)
-        say(f"written by heatrun itself and left out: {names}")
-    settings = settings_of(run, tolerances, offset_s, language)
+    for why, paths in (
+        ("no bench files, left out", found.left_out),
+        ("written by heatrun itself and left out", found.own),
+    ):
+        if paths and say is not None:
+            say(f"{why}: {', '.join(path.name for path in paths)}")
+    settings = _settings(run, tolerances, offset_s, language)
     outcomes = []
     with Work(dict.fromkeys(range(len(found.tests)), USUAL_S), progress) as work:
         for number, test in enumerate(found.tests):
@@ -127,18 +127,16 @@ def make_report(
             if say is not None:
                 say(f"{kind} report of {name}")
             work.at(number, f"report {number + 1} of {len(found.tests)}")
+            is_record = isinstance(test, Record)
             try:
-                is_record = isinstance(test, Record)
-                records = (test,) if is_record else read_tests(test, motor, at_gaps=False)
-                for record in records:
-                    is_file = not isinstance(test, Record)
-                    when = date_of_test(test, record) if is_file else date_of_record(record)
+                for record in (test,) if is_record else read_tests(test, motor, at_gaps=False):
+                    when = date_of_record(record) if is_record else date_of_test(test, record)
                     report = build_report(
                         kind, motor, record, run=run, reference=other, tolerances=tolerances,
                         offset_s=offset_s,
                     )  # fmt: skip
-                    settled = [*_part(record), *settings]
-                    outcomes.append(write_report(name, report, when, out, settled, language))
+                    settled = [*filter(None, [record.stretch]), *settings]
+                    outcomes.append(_written(name, report, when, out, settled, language))
             except InputError as error:
                 outcomes.append(Outcome(name, error=error))
             work.done(number)
@@ -146,47 +144,64 @@ def make_report(
     return outcomes
 
 
-def settings_of(
-    run: Path | None,
-    tolerances: Mapping[str, float] | None,
-    offset_s: float | None,
+def make_prototypes_report(
+    motor: Motor,
+    roles: Sequence[tuple[str, Path]],
+    out: Path,
+    *,
+    run: Path | None = None,
+    tolerances: Mapping[str, float] | None = None,
     language: str = LANGUAGES[0],
-) -> list[str]:
-    """Return what makes another report of the same files, in words that can be compared.
+    say: Callable[[str], None] | None = None,
+) -> Outcome:
+    """Write the report on several prototypes, called after the date of the one whose clock is kept.
 
     Args:
-        run: Folder of the run that is held against the tests.
-        tolerances: By channel.
-        offset_s: Offset of the clocks that was given [s].
-        language: Of the PDF.
+        motor: The machine.
+        roles: Role and file of each prototype, or the folder of a run.
+        out: As `make_report`.
+        run: Folder of a calibration whose network is held against each; None for none.
+        tolerances: By channel or figure, in its unit (K for temperatures).
+        language: As `make_report`.
+        say: Told a sentence when it begins.
+
+    Raises:
+        InputError: If a file or run cannot be read, the prototypes cannot be aligned, or `out` not
+            be written.
+        UsageError: If a run is to stand for a prototype and no measured record drives it.
     """
+    if say is not None:
+        say(f"prototypes report of {', '.join(role for role, _ in roles)}")
+    prototypes = read_prototypes(roles, motor)
+    report = prototypes_report(motor, prototypes, run=run, tolerances=tolerances)
+    base = base_of(prototypes)
+    when = date_of_test(dict(roles)[base.role], base.record)
+    with writable("the folder of the reports", out):
+        out.mkdir(parents=True, exist_ok=True)
+    parts = [p.record.stretch for p in prototypes if p.record.stretch]
+    settings = [*parts, *_settings(run, tolerances, None, language)]
+    return _written(report.test, report, when, out, settings, language)
+
+
+def _settings(
+    run: Path | None, tolerances: Mapping[str, float] | None, offset_s: float | None, language: str
+) -> list[str]:
+    """Return what makes another report of the same files, in words that can be compared."""
     said = [] if run is None else [f"run {digest(run / 'fit.json')}"]
     said += [f"tolerance {name} = {value!r}" for name, value in sorted((tolerances or {}).items())]
     said += [] if offset_s is None else [f"offset {offset_s!r} s"]
     return said if language == LANGUAGES[0] else [*said, f"language {language}"]
 
 
-def _part(record: Record) -> list[str]:
-    return [record.stretch] if record.stretch else []
-
-
-def write_report(
+def _written(
     test: str,
     report: Report,
     when: DateOfTest | None,
     out: Path,
     settings: Sequence[str],
-    language: str = LANGUAGES[0],
+    language: str,
 ) -> Outcome:
     """Write a report as PDF, CSV and JSON, all or none.
-
-    Args:
-        test: As it was named.
-        report: What is written.
-        when: Date of the test, for the name; None where it is not known.
-        out: Folder of the reports.
-        settings: What makes another report of the same files: part, run, tolerances, language.
-        language: Of the PDF.
 
     Raises:
         InputError: If a file behind it has changed, or the folder cannot be written.
@@ -285,12 +300,6 @@ def check_use(
         raise UsageError(f"a {kind} report needs --reference FILE{option}.")
 
 
-ENDINGS = (
-    *(".csv", ".txt", ".dat", ".tsv", ".asc", ".mat", ".parquet", ".mf4", ".mdf", ".tdms"),
-    *(".xlsx", ".xlsm"),
-)
-"""Endings of bench files, alone or with `.gz`."""
-
 NO_TESTS = (
     "readme",
     "license",
@@ -304,17 +313,11 @@ and the reports themselves."""
 
 @dataclass(frozen=True)
 class ReportedTests:
-    """What is to be reported on.
-
-    Attributes:
-        tests: Files and records in order.
-        left_out: Files of folders that are taken for no bench files.
-        own: Files and run folders that heatrun itself has written.
-    """
+    """Tests to be reported on; of folders what is no bench file, or written by heatrun itself."""
 
     tests: tuple[Path | Record, ...]
     left_out: tuple[Path, ...]
-    own: tuple[Path, ...] = ()
+    own: tuple[Path, ...]
 
 
 def tests_in(named: Sequence[Path | Record]) -> ReportedTests:
@@ -323,9 +326,6 @@ def tests_in(named: Sequence[Path | Record]) -> ReportedTests:
     Whether a file of a folder is one is told by its ending, and by its first line where it is one
     that heatrun has written; hidden files and folders are passed over, folders in it are entered,
     and run folders are not.
-
-    Args:
-        named: Files, folders or records.
 
     Raises:
         InputError: If a folder holds no bench file, or is a run.
@@ -344,24 +344,23 @@ def tests_in(named: Sequence[Path | Record]) -> ReportedTests:
                 remedy="Name the bench file that the run was made from; a run goes behind --run.",
             )
         files, runs = _files(each)
-        own_here = [path for path in files if is_bench_file(path) and own_file_at(path)]
-        own += [*runs, *own_here]
-        files = [path for path in files if path not in own_here]
-        found = [path for path in files if is_bench_file(path)]
+        bench = [path for path in files if _is_bench_file(path)]
+        found = [path for path in bench if not own_file_at(path)]
+        own_here = [*runs, *(path for path in bench if path not in found)]
         if not found:
-            only_own = " but what heatrun has written" if own_here or runs else ""
+            only_own = " but what heatrun has written" if own_here else ""
             raise InputError(
                 f"Expected a folder of bench files, found none in it{only_own}.",
                 where=str(each),
                 remedy=f"Known endings are {', '.join(ENDINGS)}, also with .gz.",
             )
         tests += found
-        left_out += [path for path in files if path not in found]
+        own += own_here
+        left_out += [path for path in files if path not in bench]
     return ReportedTests(tuple(tests), tuple(left_out), tuple(own))
 
 
-def is_bench_file(path: Path) -> bool:
-    """Return whether a file's name is that of a bench file."""
+def _is_bench_file(path: Path) -> bool:
     name = path.name.lower()
     return name.removesuffix(".gz").endswith(ENDINGS) and not name.startswith(NO_TESTS)
 

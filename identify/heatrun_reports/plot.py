@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,12 +12,13 @@ from matplotlib.figure import Figure
 from heatrun.record.channels import CHANNEL
 from heatrun.record.motor import Motor
 from heatrun.record.record import Record
-from heatrun.record.samples import samples
+from heatrun.record.samples import has, integral, samples
 from heatrun.reports.figures import GAP_IN, plain, stack
 
-from .analysis.drive import OperatingMap, bridged_steps, electrical_power, has, with_powers
+from .analysis.drive import OperatingMap, bridged_steps, electrical_power, measured, with_powers
 from .analysis.pair import Pair
 from .analysis.validation import SignalComparison
+from .simulated import Limits
 
 CYCLE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#222222", "#999933")
 """Okabe and Ito's palette, which colour-blind readers can tell apart, and an olive."""
@@ -35,24 +37,28 @@ MAX_POINTS = 3000
 """Points of a line: several per pixel of the printed width."""
 
 
-def stacked(heights: Sequence[float]) -> tuple[Figure, list[Axes]]:
-    """Return a figure of panels under each other on one time axis.
-
-    Args:
-        heights: Of each panel [in].
-    """
+def stacked(*panels: tuple[str, float]) -> tuple[Figure, list[Axes]]:
+    """Return a figure of panels, with label and height [in], under each other on one time axis."""
+    heights = [height for _, height in panels]
     figure = Figure(figsize=(WIDTH_IN, sum(heights) + 0.4))
-    grid = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=list(heights))
-    return figure, list(grid[:, 0])
+    grid = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)
+    axes = list(grid[:, 0])
+    for axis, (label, _) in zip(axes, panels, strict=True):
+        axis.set_ylabel(label, fontsize=8)
+    return figure, axes
+
+
+def with_differences(channel: str, *heights: float) -> tuple[Figure, list[Axes]]:
+    """Return panels of a signal and, below, of differences in it."""
+    label, below = (unit(channel, is_difference=is_below) for is_below in (False, True))
+    above = f"{wording(channel)}\n[{label}]"
+    figure, axes = stacked((above, heights[0]), (f"difference\n[{below}]", heights[1]))
+    axes[1].axhline(0.0, color="0.6", lw=0.6)
+    return figure, axes
 
 
 def thin(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return a course with fewer points in minutes; lowest and highest of each stretch stay.
-
-    Args:
-        time_s: Shape (time,).
-        values: Shape (time,).
-    """
+    """Return a course with fewer points in minutes; lowest and highest of each stretch stay."""
     if values.size <= MAX_POINTS:
         return time_s / 60.0, values
     width = 2 * values.size // MAX_POINTS + 1
@@ -67,9 +73,22 @@ def thin(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return time_s[order] / 60.0, values[order]
 
 
-def line(axis: Axes, time_s: np.ndarray, values: np.ndarray, label: str, number: int = 0) -> None:
-    """Draw a course over minutes."""
-    axis.plot(*thin(time_s, values), color=CYCLE[number % len(CYCLE)], lw=0.9, label=label)
+def line(
+    axis: Axes, time_s: np.ndarray, values: np.ndarray, label: str = "", number: int = 0,
+    **look: Any,
+) -> None:  # fmt: skip
+    """Draw a course over minutes, in the colour of a number."""
+    look = {"color": CYCLE[number % len(CYCLE)], "lw": 0.9, "label": label, **look}
+    axis.plot(*thin(time_s, values), **look)
+
+
+def band(
+    axis: Axes, time_s: np.ndarray, sides: Limits, label: str = "", number: int = 0,
+    alpha: float = 0.2,
+) -> None:  # fmt: skip
+    """Draw what lies between two courses over minutes, in the colour of a number."""
+    colour = CYCLE[number % len(CYCLE)]
+    axis.fill_between(time_s / 60.0, *sides, color=colour, alpha=alpha, lw=0, label=label)
 
 
 def finish(axes: Sequence[Axes], *, is_over_time: bool = True) -> None:
@@ -104,21 +123,15 @@ def unit(channel: str, *, is_difference: bool = False) -> str:
     symbol = CHANNEL[channel].unit
     if symbol == "degC":
         return "K" if is_difference else "°C"
-    return {"L_per_min": "L/min", "km_per_h": "km/h", "Nm": "N m"}.get(symbol, symbol)
+    return "N m" if symbol == "Nm" else symbol
 
 
 def wording(channel: str) -> str:
     """Return the name of a channel without its unit, in words; symbols stay as they are."""
-    stem = channel.removesuffix(f"_{_suffix(channel)}")
-    if stem in SYMBOLS:
-        return stem
-    return stem.replace("_", " ").replace("dc ", "DC ")
-
-
-def _suffix(channel: str) -> str:
-    return {"km/h": "km_per_h", "L/min": "L_per_min"}.get(
-        CHANNEL[channel].unit, CHANNEL[channel].unit
-    )
+    symbol = CHANNEL[channel].unit
+    suffix = {"km/h": "km_per_h", "L/min": "L_per_min"}.get(symbol, symbol)
+    stem = channel.removesuffix(f"_{suffix}")
+    return stem if stem in SYMBOLS else stem.replace("_", " ").replace("dc ", "DC ")
 
 
 PANELS = (
@@ -150,12 +163,13 @@ def courses(record: Record, motor: Motor) -> Figure:
     full = with_powers(record, motor)
     panels = [[c for c in names if has(full, c)] for names in PANELS]
     panels = [names for names in panels if names]
-    figure, axes = stacked([1.5 if n[0].endswith("_degC") else 0.9 for n in panels])
+    symbols = [unit(names[0]) for names in panels]
+    figure, axes = stacked(
+        *((f"{QUANTITY[each]}\n[{each}]", 1.5 if each == "°C" else 0.9) for each in symbols)
+    )
     for axis, names in zip(axes, panels, strict=True):
         for number, name in enumerate(names):
-            line(axis, *samples_or_nan(full, name), wording(name), number)
-        symbol = unit(names[0])
-        axis.set_ylabel(f"{QUANTITY[symbol]}\n[{symbol}]", fontsize=8)
+            line(axis, *with_gaps(*samples(full, name)), wording(name), number)
     finish(axes)
     return figure
 
@@ -166,22 +180,15 @@ def energy_course(record: Record, motor: Motor) -> Figure:
     Raises:
         InputError: If no electrical power was recorded.
     """
-    power = electrical_power(record, motor)
-    made = Record(record.name, {"time_s": record.time_s, "power": power.values})
-    time_s, values = samples(made, "power")
+    time_s, values = measured(record, electrical_power(record, motor).values)
     steps = bridged_steps(time_s)
-
-    def so_far(course: np.ndarray) -> np.ndarray:
-        means = 0.5 * (course[1:] + course[:-1])
-        return np.concatenate(([0.0], np.cumsum(means * steps))) / 3600.0
-
-    figure, (top, bottom) = stacked([1.2, 1.35])
+    figure, (top, bottom) = stacked(("power [kW]", 1.2), ("energy so far [Wh]", 1.35))
     line(top, time_s, values / 1000.0, "electrical power")
     top.axhline(0.0, color="0.6", lw=0.6)
-    top.set_ylabel("power [kW]", fontsize=8)
-    line(bottom, time_s, so_far(values), "energy", 0)
-    line(bottom, time_s, so_far(np.maximum(values, 0.0)), "without regeneration", 1)
-    bottom.set_ylabel("energy so far [Wh]", fontsize=8)
+    for number, (label, power) in enumerate(
+        (("energy", values), ("without regeneration", np.maximum(values, 0.0)))
+    ):
+        line(bottom, time_s, integral(power, steps) / 3600.0, label, number)
     finish([top, bottom])
     return figure
 
@@ -200,34 +207,28 @@ def plane(record: Record, found: OperatingMap | None) -> Figure:
     panels[0].set_ylabel("torque [N m]", fontsize=8)
     panels[0].set_title("operating points", fontsize=8, loc="left")
     if found is not None:
-        power = panels[1].pcolormesh(
-            found.speed_rpm, found.torque_Nm, found.power_W / 1000.0, cmap="cividis"
-        )
-        _colour_bar(figure, panels[1], power, "mean power [kW]")
-        panels[1].set_title("electrical power", fontsize=8, loc="left")
-        share = panels[2].pcolormesh(
-            found.speed_rpm, found.torque_Nm, 100.0 * found.efficiency, cmap="viridis",
-            vmin=max(0.0, 100.0 * _low(found.efficiency)), vmax=100.0,
-        )  # fmt: skip
-        _colour_bar(figure, panels[2], share, "efficiency [%]")
-        panels[2].set_title("efficiency", fontsize=8, loc="left")
+        known = found.efficiency[np.isfinite(found.efficiency)]
+        least = float(np.quantile(known, 0.1)) - 0.05 if known.size else 0.0
+        limits = {"cmap": "viridis", "vmin": max(0.0, 100.0 * least), "vmax": 100.0}
+        for axis, values, look, title, label in (
+            (panels[1], found.power_W / 1000.0, {"cmap": "cividis"}, "electrical power",
+             "mean power [kW]"),
+            (panels[2], 100.0 * found.efficiency, limits, "efficiency", "efficiency [%]"),
+        ):  # fmt: skip
+            drawn = axis.pcolormesh(found.speed_rpm, found.torque_Nm, values, **look)
+            _colour_bar(figure, axis, drawn, label)
+            axis.set_title(title, fontsize=8, loc="left")
     for axis in panels:
         axis.set_xlabel("speed [rpm]", fontsize=8)
     finish(list(panels), is_over_time=False)
     return figure
 
 
-def samples_or_nan(record: Record, channel: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return time and values for drawing: what is no measurement is left out, gaps stay open."""
-    time_s, values = samples(record, channel)
+def with_gaps(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a course for drawing: gaps stay open."""
     gaps = np.flatnonzero(bridged_steps(time_s) == 0.0)
     middle = 0.5 * (time_s[gaps] + time_s[gaps + 1])
     return np.insert(time_s, gaps + 1, middle), np.insert(values, gaps + 1, np.nan)
-
-
-def _low(efficiency: np.ndarray) -> float:
-    known = efficiency[np.isfinite(efficiency)]
-    return float(np.quantile(known, 0.1)) - 0.05 if known.size else 0.0
 
 
 def _colour_bar(figure: Figure, axis: Axes, drawn, label: str) -> None:
@@ -236,23 +237,15 @@ def _colour_bar(figure: Figure, axis: Axes, drawn, label: str) -> None:
     bar.ax.tick_params(labelsize=7)
 
 
-def overlay(
-    pair: Pair,
-    row: SignalComparison,
-    bands: Mapping[str, tuple[np.ndarray, np.ndarray]],
-) -> Figure:
+def overlay(pair: Pair, row: SignalComparison, bands: Mapping[str, Limits]) -> Figure:
     """Return one signal of both prototypes, and their difference with the tolerance."""
-    name = row.channel
-    figure, (top, bottom) = stacked([1.25, 0.7])
+    name, time_s = row.channel, pair.time_s
+    figure, (top, bottom) = with_differences(name, 1.25, 0.7)
     if name in bands:
-        top.fill_between(pair.time_s / 60.0, *bands[name], color=CYCLE[0], alpha=0.2, lw=0,
-                         label="95 % band of the reference")  # fmt: skip
-    line(top, pair.time_s, pair.theirs[name], f"reference: {plain(pair.reference)[:40]}", 0)
-    line(top, pair.time_s, pair.ours[name], f"test: {plain(pair.test)[:40]}", 1)
-    top.set_ylabel(f"{wording(name)}\n[{unit(name)}]", fontsize=8)
+        band(top, time_s, bands[name], "95 % band of the reference")
+    line(top, time_s, pair.theirs[name], f"reference: {plain(pair.reference)[:40]}", 0)
+    line(top, time_s, pair.ours[name], f"test: {plain(pair.test)[:40]}", 1)
     bottom.axhspan(-row.tolerance.value, row.tolerance.value, color=CYCLE[2], alpha=0.15, lw=0)
-    bottom.axhline(0.0, color="0.6", lw=0.6)
-    bottom.plot(*thin(pair.time_s, pair.ours[name] - pair.theirs[name]), color=CYCLE[6], lw=0.8)
-    bottom.set_ylabel(f"difference\n[{unit(name, is_difference=True)}]", fontsize=8)
+    line(bottom, time_s, pair.ours[name] - pair.theirs[name], number=6, lw=0.8)
     finish([top, bottom])
     return figure

@@ -19,7 +19,7 @@ from heatrun.record.samples import sink_channel
 from .analysis.drive import has
 from .analysis.general_information import GeneralInformation, general_information
 from .analysis.pair import Pair
-from .analysis.validation import SignalComparison, Validation, align, judge, validate, within
+from .analysis.validation import Validation, align, judge, validate, within
 from .simulated import Reference, Simulated, read_reference, reference_of_run, simulate_run
 
 
@@ -30,14 +30,14 @@ class Prototype:
     Attributes:
         role: As given on the command line, such as `"semi-real"`.
         reference: Its record with bands, and what is known of how it came about.
-        simulated: The prediction, where a run stands for it.
-        driven_by: Role of the record that drove that run; empty for a file.
+        driven_by: Role of the record that drove the run that stands for it; empty for a file.
+        is_seen: Whether that run was calibrated on that record.
     """
 
     role: str
     reference: Reference
-    simulated: Simulated | None = None
     driven_by: str = ""
+    is_seen: bool = False
 
     @property
     def record(self) -> Record:
@@ -51,14 +51,9 @@ class Prototype:
 
 
 def read_prototypes(roles: Sequence[tuple[str, Path]], motor: Motor) -> tuple[Prototype, ...]:
-    """Read the record of each prototype; a run is driven by the first measured one that can.
+    """Read the record of each prototype, in the order of roles and files.
 
-    Args:
-        roles: Role and file of each; the folder of a run stands for a virtual prototype.
-        motor: The machine.
-
-    Returns:
-        In the order given.
+    The folder of a run stands for a virtual one, driven by the first measured one that can.
 
     Raises:
         InputError: If a file or run cannot be read.
@@ -80,7 +75,7 @@ def read_prototypes(roles: Sequence[tuple[str, Path]], motor: Motor) -> tuple[Pr
             raise UsageError(f"{role}: a run needs a measured record among the others to drive it.")
         simulated = simulate_run(path, driver.record, motor)
         reference = reference_of_run(simulated, path, motor)
-        found.append(Prototype(role, reference, simulated, driver.role))
+        found.append(Prototype(role, reference, driver.role, simulated.is_seen))
     return tuple(found)
 
 
@@ -113,26 +108,17 @@ def _read(path: Path, motor: Motor) -> Reference:
 
 @dataclass(frozen=True)
 class OnNetwork:
-    """A prototype's temperatures against the network's prediction.
+    """A measured prototype's temperatures less the network's prediction, on its own clock.
 
     Attributes:
-        prototype: The measured one.
         driven_by: Role whose currents, losses and sink drove the network.
         is_seen: Whether the run was calibrated on the record that is judged.
-        simulated: The prediction.
-        validation: Measured less predicted, on the prototype's clock.
     """
 
     prototype: Prototype
     driven_by: str
     is_seen: bool
-    simulated: Simulated
     validation: Validation
-
-    @property
-    def temperatures(self) -> tuple[SignalComparison, ...]:
-        """The temperatures that are judged."""
-        return self.validation.judged
 
 
 def judge_network(
@@ -145,17 +131,8 @@ def judge_network(
     """Judge one network on every measured prototype.
 
     A record without current, losses or sink is judged by the network that the first record with
-    them drives, shifted to its clock: both drove the same manoeuvre.
-
-    Args:
-        run: Folder of the calibration.
-        prototypes: All of the comparison.
-        shift_s: What is added to each clock to give the base's [s], by role.
-        motor: The machine.
-        tolerances: As `confront`.
-
-    Returns:
-        What was judged, and why the rest was not.
+    them drives, shifted to its clock: both drove the same manoeuvre. What is added to each clock
+    to give the base's [s] stands by role. Returns what was judged, and why the rest was not.
 
     Raises:
         InputError: If the run cannot be read, or a prediction leaves all temperatures.
@@ -167,8 +144,10 @@ def judge_network(
     for prototype in measured:
         if not drivers or not has(prototype.record, "winding_degC"):
             load = "current, losses and sink, as do all the others"
-            lacking = "winding_degC" if drivers else load
-            findings.append(_not_judged(prototype, lacking))
+            lacking, name = "winding_degC" if drivers else load, prototype.record.name
+            message = f"The network is not judged on {prototype.role}: it lacks {lacking}."
+            remedy = "Map the columns in the motor file, or record them."
+            findings.append(Finding("network_not_judged", "warning", message, name, remedy, name))
             continue
         driver = prototype if prototype in drivers else drivers[0]
         if driver.role not in driven:
@@ -183,19 +162,8 @@ def judge_network(
             tolerances=tolerances, offset_s=offset_s,
         )  # fmt: skip
         is_seen = simulated.is_seen and driver is prototype
-        found.append(OnNetwork(prototype, driver.role, is_seen, simulated, validation))
+        found.append(OnNetwork(prototype, driver.role, is_seen, validation))
     return tuple(found), tuple(findings)
-
-
-def _not_judged(prototype: Prototype, lacking: str) -> Finding:
-    return Finding(
-        "network_not_judged",
-        "warning",
-        f"The network is not judged on {prototype.role}: it lacks {lacking}.",
-        prototype.record.name,
-        "Map the columns in the motor file, or record them.",
-        prototype.record.name,
-    )
 
 
 LONGEST_ROLE = 24
@@ -205,10 +173,9 @@ FORM = "virtual=FILE semi-real=FILE real=FILE"
 
 
 def parse_roles(texts: Sequence[str]) -> tuple[tuple[str, Path], ...]:
-    """Return role and file of each prototype, in the order given.
+    """Return role and file of each prototype from texts `ROLE=FILE`, in the order given.
 
-    Args:
-        texts: Each `ROLE=FILE`; the role is any short word, the file may be the folder of a run.
+    The role is any short word, the file may be the folder of a run.
 
     Raises:
         UsageError: If a text is no such pair, a role stands twice, or there are fewer than two.
@@ -236,12 +203,9 @@ CLOSES = 3.0
 
 @dataclass(frozen=True)
 class Compared:
-    """Two of the prototypes; differences are the later less the earlier one.
+    """Two of the prototypes over the time common to all; differences are later less earlier.
 
-    Attributes:
-        later: Whose clock the comparison is on; a simulation is never the later of a mixed pair.
-        earlier: The reference.
-        validation: Signal by signal and figure by figure, over the time common to all.
+    The comparison is on the later one's clock; a simulation is never the later of a mixed pair.
     """
 
     later: Prototype
@@ -256,10 +220,9 @@ class Compared:
 
 @dataclass(frozen=True)
 class Confrontation:
-    """Several prototypes beside each other.
+    """Several prototypes beside each other, in the order given.
 
     Attributes:
-        prototypes: In the order given.
         base: The one whose clock is kept: the first that was measured, or what drove a run.
         shift_s: What is added to each prototype's clock to give the base's [s], by role.
         window_s: First and last moment common to all, on the base's clock [s].
@@ -267,7 +230,6 @@ class Confrontation:
         information: General Information over the time in common, by role; None where the record
             does not allow it.
         networks: The same network against each measured winding.
-        findings: Doubts.
     """
 
     prototypes: tuple[Prototype, ...]
@@ -276,8 +238,13 @@ class Confrontation:
     window_s: tuple[float, float]
     pairs: tuple[Compared, ...]
     information: Mapping[str, GeneralInformation | None]
+    findings: tuple[Finding, ...]
     networks: tuple[OnNetwork, ...] = ()
-    findings: tuple[Finding, ...] = ()
+
+    def in_window(self, role: str, record: Record) -> Record:
+        """Return a record of a prototype on the clock kept, cut to the time in common."""
+        channels = {**record.channels, "time_s": record.time_s + self.shift_s[role]}
+        return within(replace(record, channels=channels), *self.window_s)
 
 
 def confront(
@@ -288,12 +255,8 @@ def confront(
     """Align prototypes and compare each pair.
 
     The offset of each pair of clocks is searched by what the two records share. A pair that does
-    not allow it stands by the way over the base.
-
-    Args:
-        prototypes: Two or more.
-        motor: The machine.
-        tolerances: By channel or figure, in its unit (K for temperatures).
+    not allow it stands by the way over the base. Tolerances are by channel or figure, in its unit
+    (K for temperatures).
 
     Raises:
         InputError: If a prototype cannot be aligned with the base, or there is no time in common.
@@ -305,7 +268,9 @@ def confront(
     couples.sort(key=lambda couple: all(each is not base for each in couple))
     shift_s = {base.role: 0.0}
     for later, earlier in couples:
-        driven_s = _driven_offset(later, earlier, base, shift_s)
+        # a run that the base drove is on the base's clock
+        is_driven = bool(earlier.reference.run) and base is not later and base is not earlier
+        driven_s = -shift_s[later.role] if is_driven else None
         try:
             pair = align(later.record, earlier.reference, motor, driven_s)
         except InputError as error:
@@ -315,10 +280,29 @@ def confront(
             try:
                 pair = align(later.record, earlier.reference, motor, offset_s)
             except InputError:  # they have nothing in common, each only with the base
-                findings.append(_without(later, earlier, error))
+                findings.append(
+                    Finding(
+                        "pair_not_compared",
+                        "warning",
+                        f"{later.role} and {earlier.role} are not compared: {error.problem}",
+                        f"{later.record.name}, {earlier.record.name}",
+                        error.remedy,
+                        later.record.name,
+                    )
+                )
                 continue
             pair = _by_way_of(base, later, earlier, aligned, pair)
-            findings.append(_by_base(later, earlier, base, error))
+            findings.append(
+                Finding(
+                    "offset_by_base",
+                    "note",
+                    f"{later.role} and {earlier.role} were aligned by way of {base.role}: "
+                    f"{error.problem}",
+                    f"{later.record.name}, {earlier.record.name}",
+                    "The uncertainties of both ways add up.",
+                    base.record.name,
+                )
+            )
         if driven_s is not None:
             pair = _by_way_of(base, later, earlier, aligned, pair)
         aligned[later.role, earlier.role] = pair
@@ -338,7 +322,7 @@ def confront(
         pairs.append(Compared(later, earlier, found))
     information = {p.role: _information(p, shift_s, window_s, motor) for p in prototypes}
     return Confrontation(
-        tuple(prototypes), base, shift_s, window_s, tuple(pairs), information, (), tuple(findings)
+        tuple(prototypes), base, shift_s, window_s, tuple(pairs), information, tuple(findings)
     )
 
 
@@ -350,22 +334,10 @@ def base_of(prototypes: Sequence[Prototype]) -> Prototype:
     return [*driving, *measured, *prototypes][0]
 
 
-def _driven_offset(
-    later: Prototype, earlier: Prototype, base: Prototype, shift_s: Mapping[str, float]
-) -> float | None:
-    """The offset of a run that the base drove: it is on the base's clock; None for a file."""
-    if not earlier.reference.run or base is later or base is earlier:
-        return None
-    return -shift_s[later.role]
-
-
 def _by_way_of(
-    base: Prototype,
-    later: Prototype,
-    earlier: Prototype,
-    aligned: Mapping[tuple[str, str], Pair],
-    pair: Pair,
-) -> Pair:
+    base: Prototype, later: Prototype, earlier: Prototype,
+    aligned: Mapping[tuple[str, str], Pair], pair: Pair,
+) -> Pair:  # fmt: skip
     """The pair with how its offset came about, and the uncertainties of both ways together."""
     ways = [p.offset.sd_s for roles, p in aligned.items()
             if base.role in roles and {later.role, earlier.role} & set(roles)]  # fmt: skip
@@ -404,28 +376,6 @@ def _information(
         return general_information(within(prototype.record, from_s, to_s), motor)
     except InputError:
         return None
-
-
-def _by_base(later: Prototype, earlier: Prototype, base: Prototype, error: InputError) -> Finding:
-    return Finding(
-        "offset_by_base",
-        "note",
-        f"{later.role} and {earlier.role} were aligned by way of {base.role}: {error.problem}",
-        f"{later.record.name}, {earlier.record.name}",
-        "The uncertainties of both ways add up.",
-        base.record.name,
-    )
-
-
-def _without(later: Prototype, earlier: Prototype, error: InputError) -> Finding:
-    return Finding(
-        "pair_not_compared",
-        "warning",
-        f"{later.role} and {earlier.role} are not compared: {error.problem}",
-        f"{later.record.name}, {earlier.record.name}",
-        error.remedy,
-        later.record.name,
-    )
 
 
 def _closure(

@@ -5,49 +5,35 @@ Its first lines say which pairs agree; its figures show each signal of all over 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from itertools import combinations
+from itertools import combinations, cycle
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from heatrun.io.texts import LANGUAGES
-from heatrun.io.whole_files import writable
 from heatrun.record.motor import Motor
-from heatrun.record.record import Record
-from heatrun.record.samples import median_step, samples
+from heatrun.record.samples import has, median_step, samples
 from heatrun.reports.figures import plain
 from heatrun.reports.printed import signed
 
-from .analysis.drive import has, with_powers
+from .analysis.drive import with_powers
 from .analysis.general_information import FIGURES
-from .analysis.validation import PERCENT, RULE, VERDICTS, FigureComparison, SignalComparison, place
-from .document import date_of_test
-from .job import Outcome, settings_of, write_report
-from .plot import CYCLE, finish, line, samples_or_nan, stacked, thin, unit, wording
+from .analysis.validation import PERCENT, RULE, VERDICTS, SignalComparison, place
+from .plot import CYCLE, band, finish, line, stacked, unit, with_differences, with_gaps, wording
 from .prototypes import (
     Compared,
     Confrontation,
     OnNetwork,
     Prototype,
-    base_of,
     confront,
     is_virtual,
     judge_network,
-    read_prototypes,
 )
-from .report import PROTOTYPES, Column, Drawing, Line, Report, Row, Table
+from .report import Column, Drawing, Line, Report, Row, Table
 from .simulated import before, fitted_by, same_file, simulated_as
 from .validation_report import disagreement, figure_cells, lower
-
-if TYPE_CHECKING:
-    from .prototypes import Confrontation
-
 
 DECIDED = {"uncertainty": "instruments", "given": "--tolerance"}
 """What decided a tolerance, where the word of the column is another one."""
@@ -56,37 +42,21 @@ AT_A_GLANCE = 6
 """Pairs whose verdicts fit beside each other across a page."""
 
 PAIR_COLUMNS = (
-    Column("clock offset", "s"),
-    Column("bias"),
-    Column("RMSE"),
-    Column("largest"),
-    Column("correlation", "1"),
-    Column("tolerance"),
-    Column("decided by", ""),
-    Column("inside", "%"),
-    Column("verdict", ""),
-)
+    Column("clock offset", "s"), Column("bias"), Column("RMSE"), Column("largest"),
+    Column("correlation", "1"), Column("tolerance"), Column("decided by", ""),
+    Column("inside", "%"), Column("verdict", ""),
+)  # fmt: skip
 CLOCK_COLUMNS = (
-    Column("clock offset", "s"),
-    Column("standard uncertainty", "s"),
-    Column("agree", ""),
-)
+    Column("clock offset", "s"), Column("standard uncertainty", "s"), Column("agree", "")
+)  # fmt: skip
 FIGURE_COLUMNS = (
-    Column("later"),
-    Column("earlier"),
-    Column("difference", "%"),
-    Column("tolerance"),
+    Column("later"), Column("earlier"), Column("difference", "%"), Column("tolerance"),
     Column("verdict", ""),
-)
+)  # fmt: skip
 NETWORK_COLUMNS = (
-    Column("driven by", ""),
-    Column("bias"),
-    Column("RMSE"),
-    Column("largest"),
-    Column("tolerance"),
-    Column("in the band", "%"),
-    Column("verdict", ""),
-)
+    Column("driven by", ""), Column("bias"), Column("RMSE"), Column("largest"),
+    Column("tolerance"), Column("in the band", "%"), Column("verdict", ""),
+)  # fmt: skip
 
 
 def signals_of(found: Confrontation) -> tuple[str, ...]:
@@ -117,10 +87,8 @@ def rows(found: Confrontation) -> tuple[Row, ...]:
 def tables(found: Confrontation) -> tuple[Table, ...]:
     """Return all further tables."""
     glance = [_at_a_glance(found)] if len(found.pairs) <= AT_A_GLANCE else []
-    made = [_records(found), _clocks(found), *glance, *_signals(found)]
-    made += [_information(found), *_figures(found)]
-    if found.networks:
-        made.append(_networks(found))
+    made = [_records(found), _clocks(found), *glance, _signals(found), _information(found)]
+    made += [each for each in (_figures(found), _networks(found)) if each.lines]
     return tuple(made)
 
 
@@ -131,8 +99,8 @@ def _name(pair: Compared) -> str:
 def _records(found: Confrontation) -> Table:
     columns = tuple(Column(p.role) for p in found.prototypes)
     axes = [samples(p.record)[0] for p in found.prototypes]
-    from_s = [found.shift_s[p.role] + float(a[0]) for p, a in zip(found.prototypes, axes,
-                                                                strict=True)]  # fmt: skip
+    shifts_s = [found.shift_s[p.role] for p in found.prototypes]
+    from_s = [shift + float(axis[0]) for shift, axis in zip(shifts_s, axes, strict=True)]
     lines = (
         Line("record", "", tuple(p.record.name for p in found.prototypes)),
         Line("came about", "", tuple(_origin(p) for p in found.prototypes)),
@@ -168,28 +136,27 @@ def _clocks(found: Confrontation) -> Table:
 
 def _at_a_glance(found: Confrontation) -> Table:
     columns = tuple(Column(pair.name, "") for pair in found.pairs)
-    lines = []
-    for channel in signals_of(found):
-        verdicts = [_of(pair, channel) for pair in found.pairs]
-        cells = tuple(None if v is None else v.verdict for v in verdicts)
-        lines.append(Line(wording(channel), "", cells))
-    names = [f.name for pair in found.pairs for f in pair.validation.judged_figures]
-    for name in dict.fromkeys(names):
-        figures = [_figure_of(pair, name) for pair in found.pairs]
-        label = next(f.label for f in figures if f is not None)
-        cells = tuple(None if f is None else f.verdict for f in figures)
-        lines.append(Line(label, "", cells))
+    signals = [{s.channel: s.verdict for s in pair.validation.signals} for pair in found.pairs]
+    figures = [{f.label: f.verdict for f in p.validation.judged_figures} for p in found.pairs]
+    rows = [(wording(channel), channel, signals) for channel in signals_of(found)]
+    rows += [(label, label, figures) for label in dict.fromkeys(key for f in figures for key in f)]
+    lines = (Line(name, "", tuple(each.get(key) for each in of)) for name, key, of in rows)
     return Table("Verdicts at a glance", columns, tuple(lines))
 
 
-def _signals(found: Confrontation) -> list[Table]:
-    lines = []
-    for channel in signals_of(found):
-        for pair in found.pairs:
-            signal = _of(pair, channel)
-            if signal is not None and signal.verdict != "not comparable":
-                lines.append(_line(pair, signal))
-    return [Table("Signal by signal, pair by pair", PAIR_COLUMNS, tuple(lines))]
+def _compared(found: Confrontation, channel: str) -> list[tuple[Compared, SignalComparison]]:
+    """Return the pairs that compare a signal, with what came of it."""
+    return [
+        (pair, signal)
+        for pair in found.pairs
+        for signal in pair.validation.signals
+        if signal.channel == channel and signal.verdict != "not comparable"
+    ]
+
+
+def _signals(found: Confrontation) -> Table:
+    lines = [_line(*each) for channel in signals_of(found) for each in _compared(found, channel)]
+    return Table("Signal by signal, pair by pair", PAIR_COLUMNS, tuple(lines))
 
 
 def _line(pair: Compared, signal: SignalComparison) -> Line:
@@ -212,7 +179,7 @@ def _line(pair: Compared, signal: SignalComparison) -> Line:
 def _information(found: Confrontation) -> Table:
     columns = tuple(Column(p.role) for p in found.prototypes)
     lines = []
-    for name, label, symbol in FIGURES:
+    for name, label, symbol, *_ in FIGURES:
         values, reasons = [], []
         for prototype in found.prototypes:
             info = found.information[prototype.role]
@@ -223,21 +190,19 @@ def _information(found: Confrontation) -> Table:
     return Table("General Information over the time in common", columns, tuple(lines))
 
 
-def _figures(found: Confrontation) -> list[Table]:
+def _figures(found: Confrontation) -> Table:
     lines = [
         Line(f"{one.label}, {pair.name}", one.unit, figure_cells(one), one.note)
         for pair in found.pairs
         for one in pair.validation.figures
     ]
-    if not lines:
-        return []
-    return [Table("Energy, distance and consumption, pair by pair", FIGURE_COLUMNS, tuple(lines))]
+    return Table("Energy, distance and consumption, pair by pair", FIGURE_COLUMNS, tuple(lines))
 
 
 def _networks(found: Confrontation) -> Table:
     lines = []
     for one in found.networks:
-        for signal in one.temperatures:
+        for signal in one.validation.judged:
             band = signal.share_in_band
             cells = (
                 one.driven_by,
@@ -251,14 +216,6 @@ def _networks(found: Confrontation) -> Table:
             name = f"{wording(signal.channel)}, {one.prototype.role}"
             lines.append(Line(name, "K", cells))
     return Table("The network of the run on each prototype", NETWORK_COLUMNS, tuple(lines))
-
-
-def _of(pair: Compared, channel: str) -> SignalComparison | None:
-    return next((s for s in pair.validation.signals if s.channel == channel), None)
-
-
-def _figure_of(pair: Compared, name: str) -> FigureComparison | None:
-    return next((f for f in pair.validation.judged_figures if f.name == name), None)
 
 
 DEFINITIONS = (
@@ -289,13 +246,9 @@ def prototypes_report(
     run: Path | None = None,
     tolerances: Mapping[str, float] | None = None,
 ) -> Report:
-    """Return the comparison of any number of prototypes.
+    """Return the comparison of any number of prototypes, and of the network of a run with each.
 
-    Args:
-        motor: The machine.
-        prototypes: Two or more.
-        run: Folder of a calibration whose network is held against each; None for none.
-        tolerances: By channel or figure, in its unit (K for temperatures).
+    Tolerances are by channel or figure, in its unit (K for temperatures).
 
     Raises:
         InputError: If they cannot be aligned, or the run cannot be read.
@@ -307,7 +260,6 @@ def prototypes_report(
     roles = [prototype.role for prototype in prototypes]
     return Report(
         kind="prototypes",
-        title=PROTOTYPES.title,
         test=", ".join(roles),
         motor=motor.name,
         summary=before(_first(found, run), summary(found)),
@@ -328,7 +280,7 @@ def _first(found: Confrontation, run: Path | None) -> list[str]:
     for prototype in found.prototypes:
         if not is_virtual(prototype.role):
             sentences.append(simulated_as(prototype.role, prototype.record))
-        if prototype.simulated is not None and prototype.simulated.is_seen:
+        if prototype.is_seen:
             sentences.append(fitted_by(Path(prototype.reference.run), found.base.record))
     for first, second in combinations(found.prototypes, 2):
         sentences.append(same_file(first.record, second.record))
@@ -340,7 +292,6 @@ def _first(found: Confrontation, run: Path | None) -> list[str]:
 def _drawings(found: Confrontation, motor: Motor) -> tuple[Drawing, ...]:
     drawings = [
         Drawing(
-            f"signal_{channel}",
             f"Above, {wording(channel)} of all prototypes on the clock of {found.base.role}; "
             "below, the differences of the pairs, with their tolerances as broken lines.",
             partial(overlay, found, motor, channel),
@@ -350,7 +301,6 @@ def _drawings(found: Confrontation, motor: Motor) -> tuple[Drawing, ...]:
     if found.networks:
         drawings.append(
             Drawing(
-                "network",
                 "Measured winding of each prototype with the prediction of the run's network and "
                 "its 95 % band; below, measured less predicted.",
                 partial(networks, found),
@@ -367,51 +317,6 @@ def _findings(found: Confrontation):
     never = unused[:1] if len(unused) == len(found.pairs) else []
     rest = [f for f in of_pairs if f.id not in ("tolerance_not_used", "not_compared")]
     return (*of_records, *found.findings, *rest, *never)
-
-
-def make_prototypes_report(
-    motor: Motor,
-    roles: Sequence[tuple[str, Path]],
-    out: Path,
-    *,
-    run: Path | None = None,
-    tolerances: Mapping[str, float] | None = None,
-    language: str = LANGUAGES[0],
-    say: Callable[[str], None] | None = None,
-) -> Outcome:
-    """Write the report on several prototypes.
-
-    It is called after the date of the prototype whose clock is kept, as
-    `heatrun_reports.job.make_report` calls the others.
-
-    Args:
-        motor: The machine.
-        roles: Role and file of each prototype, or the folder of a run.
-        out: Folder of the report; made if it is not there.
-        run: Folder of a calibration whose network is held against each; None for none.
-        tolerances: By channel or figure, in its unit (K for temperatures).
-        language: As `heatrun_reports.job.make_report`.
-        say: Told a sentence when it begins.
-
-    Returns:
-        The files, and what stands in them.
-
-    Raises:
-        InputError: If a file or run cannot be read, the prototypes cannot be aligned, or `out` not
-            be written.
-        UsageError: If a run is to stand for a prototype and no measured record drives it.
-    """
-    if say is not None:
-        say(f"prototypes report of {', '.join(role for role, _ in roles)}")
-    prototypes = read_prototypes(roles, motor)
-    report = prototypes_report(motor, prototypes, run=run, tolerances=tolerances)
-    base = base_of(prototypes)
-    when = date_of_test(dict(roles)[base.role], base.record)
-    with writable("the folder of the reports", out):
-        out.mkdir(parents=True, exist_ok=True)
-    parts = [p.record.stretch for p in prototypes if p.record.stretch]
-    settings = [*parts, *settings_of(run, tolerances, None, language)]
-    return write_report(report.test, report, when, out, settings, language)
 
 
 IN_FULL, NAMED = 3, 8
@@ -454,7 +359,7 @@ def _deviation(signal: SignalComparison) -> str:
 def _network_sentence(one: OnNetwork) -> str:
     parts = [
         f"{wording(s.channel)} {s.verdict} (bias {signed(s.bias, 1)} K, RMSE {s.rmse:.1f} K)"
-        for s in one.temperatures
+        for s in one.validation.judged
     ]
     return f"Network of the run on {one.prototype.role}: {'; '.join(parts)}."
 
@@ -471,69 +376,45 @@ PAIR_COLOURS = (6, 3, 4, 7, 5)
 
 def overlay(found: Confrontation, motor: Motor, channel: str) -> Figure:
     """Return one signal of all prototypes on one clock, and the differences of the pairs."""
-    figure, (top, bottom) = stacked([1.25, 0.75])
+    figure, (top, bottom) = with_differences(channel, 1.25, 0.75)
     for number, prototype in enumerate(found.prototypes):
-        record = _in_window(found, prototype.role, with_powers(prototype.record, motor))
+        record = found.in_window(prototype.role, with_powers(prototype.record, motor))
         if not has(record, channel):
             continue
-        _band(top, found, number, channel)
-        line(top, *samples_or_nan(record, channel), plain(prototype.role), number)
-    top.set_ylabel(f"{wording(channel)}\n[{unit(channel)}]", fontsize=8)
-    bottom.axhline(0.0, color="0.6", lw=0.6)
-    for number, pair in enumerate(found.pairs):
-        signal = next((s for s in pair.validation.signals if s.channel == channel), None)
-        if signal is None or signal.verdict == "not comparable":
-            continue
-        common = pair.validation.pair
+        sides = prototype.reference.bands.get(channel)
+        if sides is not None:
+            ends = dict(zip(("low", "high"), sides, strict=True))
+            limits = replace(prototype.record, channels={"time_s": prototype.record.time_s, **ends})
+            limits = found.in_window(prototype.role, limits)
+            label = f"95 % band of {plain(prototype.role)}"
+            band(top, limits.time_s, (limits["low"], limits["high"]), label, number)
+        line(top, *with_gaps(*samples(record, channel)), plain(prototype.role), number)
+    colours = dict(zip((pair.name for pair in found.pairs), cycle(PAIR_COLOURS), strict=False))
+    for pair, signal in _compared(found, channel):
+        common, colour = pair.validation.pair, colours[pair.name]
         clock = common.time_s + found.shift_s[pair.later.role]
-        colour = CYCLE[PAIR_COLOURS[number % len(PAIR_COLOURS)]]
         difference = common.ours[channel] - common.theirs[channel]
-        bottom.plot(*thin(clock, difference), color=colour, lw=0.8, label=plain(pair.name))
+        line(bottom, clock, difference, plain(pair.name), colour, lw=0.8)
         for limit in (-signal.tolerance.value, signal.tolerance.value):
-            bottom.axhline(limit, color=colour, lw=0.7, ls="--")
-    bottom.set_ylabel(f"difference\n[{unit(channel, is_difference=True)}]", fontsize=8)
+            bottom.axhline(limit, color=CYCLE[colour], lw=0.7, ls="--")
     finish([top, bottom])
     return figure
 
 
 def networks(found: Confrontation) -> Figure:
     """Return each measured winding with the prediction of the network, and the difference."""
-    figure, (top, bottom) = stacked([1.9, 0.95])
+    figure, (top, bottom) = stacked(("winding [°C]", 1.9), ("measured −\npredicted [K]", 0.95))
     channel = "winding_degC"
     roles = [prototype.role for prototype in found.prototypes]
     bottom.axhline(0.0, color="0.6", lw=0.6)
     for one in found.networks:
-        colour = roles.index(one.prototype.role)
+        number = roles.index(one.prototype.role)
         common = one.validation.pair
         clock = common.time_s + found.shift_s[one.prototype.role]
-        name = plain(one.prototype.role)
-        low, high = one.validation.bands[channel]
-        top.fill_between(clock / 60.0, low, high, color=CYCLE[colour % len(CYCLE)], alpha=0.2, lw=0)
-        line(top, clock, common.ours[channel], f"{name}, measured", colour)
-        top.plot(*thin(clock, common.theirs[channel]), color=CYCLE[colour % len(CYCLE)], lw=0.9,
-                 ls="--", label=f"network driven by {plain(one.driven_by)} (95 %)")  # fmt: skip
-        line(bottom, clock, common.ours[channel] - common.theirs[channel], name, colour)
-    top.set_ylabel("winding [°C]", fontsize=8)
-    bottom.set_ylabel("measured −\npredicted [K]", fontsize=8)
+        name, label = plain(one.prototype.role), f"network driven by {plain(one.driven_by)} (95 %)"
+        band(top, clock, one.validation.bands[channel], number=number)
+        line(top, clock, common.ours[channel], f"{name}, measured", number)
+        line(top, clock, common.theirs[channel], label, number, ls="--")
+        line(bottom, clock, common.ours[channel] - common.theirs[channel], name, number)
     finish([top, bottom])
     return figure
-
-
-def _in_window(found: Confrontation, role: str, record: Record) -> Record:
-    """A record on the clock kept, cut to the time in common."""
-    clock = record.time_s + found.shift_s[role]
-    inside = (clock >= found.window_s[0]) & (clock <= found.window_s[1])
-    channels = {name: values[inside] for name, values in record.channels.items()}
-    return Record(record.name, {**channels, "time_s": clock[inside]})
-
-
-def _band(axis: Axes, found: Confrontation, number: int, channel: str) -> None:
-    """The 95 % band of a simulated prototype."""
-    prototype = found.prototypes[number]
-    if channel not in prototype.reference.bands:
-        return
-    clock = prototype.record.time_s + found.shift_s[prototype.role]
-    inside = (clock >= found.window_s[0]) & (clock <= found.window_s[1])
-    low, high = (np.asarray(side)[inside] for side in prototype.reference.bands[channel])
-    axis.fill_between(clock[inside] / 60.0, low, high, color=CYCLE[number % len(CYCLE)], alpha=0.2,
-                      lw=0, label=f"95 % band of {plain(prototype.role)}")  # fmt: skip

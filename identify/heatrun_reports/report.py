@@ -6,10 +6,9 @@ or signal, figures and findings.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Container, Iterator
 from dataclasses import dataclass
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from heatrun.model.network_form import NetworkForm
 from heatrun.record.channels import CHANNELS
@@ -18,30 +17,8 @@ from heatrun.record.record import Finding, Source
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from .analysis.equilibrium import ThermalBehaviour
-    from .analysis.general_information import GeneralInformation
-    from .analysis.validation import Validation
-    from .prototypes import Confrontation
-
 Kind = Literal["general", "thermal", "energy", "virtual", "real", "prototypes"]
 """Test type, as `heatrun report --type` takes it."""
-
-
-@dataclass(frozen=True)
-class Requirement:
-    """Something that a report cannot be made without.
-
-    Attributes:
-        meaning: What it is, in words.
-        any_of: Sets of canonical channels; one of them must be there as a whole.
-    """
-
-    meaning: str
-    any_of: tuple[tuple[str, ...], ...]
-
-    def is_met(self, channels: Container[str]) -> bool:
-        """Return whether channels hold one of the sets."""
-        return any(all(channel in channels for channel in names) for names in self.any_of)
 
 
 @dataclass(frozen=True)
@@ -49,129 +26,104 @@ class BenchTestType:
     """The card of a test type.
 
     Attributes:
-        kind: As `heatrun report --type` takes it.
         title: As it stands in the bench's menu.
         stem: Beginning of the report's file name.
         heading: Heading of the main table.
         sentence: What the report answers.
-        required: What the record must hold.
         optional: Canonical channels shown where they were recorded.
+        needed: What the record must hold, in words; empty for nothing.
+        any_of: Sets of canonical channels; one of them must be there as a whole.
         needs_reference: Whether a second record is compared.
     """
 
-    kind: Kind
     title: str
     stem: str
     heading: str
     sentence: str
-    required: tuple[Requirement, ...]
     optional: tuple[str, ...]
+    needed: str = ""
+    any_of: tuple[tuple[str, ...], ...] = ()
     needs_reference: bool = False
 
     @property
     def channels(self) -> tuple[str, ...]:
         """Every canonical channel that the report can show, in the order of the schema."""
-        named = {c for need in self.required for names in need.any_of for c in names}
-        named |= set(self.optional)
+        named = {*self.optional, *(c for names in self.any_of for c in names)}
         return tuple(channel.name for channel in CHANNELS if channel.name in named)
 
-    def missing(self, channels: Container[str]) -> tuple[Requirement, ...]:
-        """Return what channels lack for this report."""
-        return tuple(need for need in self.required if not need.is_met(channels))
+    def lacks(self, channels: Container[str]) -> str:
+        """Return what channels lack for this report, in words; empty for nothing."""
+        is_met = any(all(c in channels for c in names) for names in self.any_of)
+        return "" if is_met else self.needed
 
 
 NOT_OF_THE_MACHINE = ("ambient_degC", "coolant_degC", "coolant_out_degC", "controller_degC")
 """Temperatures of which no rise over the sink is judged."""
 
-POWER = Requirement(
-    "electrical power",
-    (
-        ("dc_voltage_V", "dc_current_A"),
-        ("dc_power_W",),
-        ("electrical_power_W",),
-        ("u_d_V", "u_q_V", "i_d_A", "i_q_A"),
-    ),
-)
-_TEMPERATURES = tuple(c.name for c in CHANNELS if c.unit == "degC")
-TEMPERATURE = Requirement(
-    "temperature of the machine",
-    tuple((name,) for name in _TEMPERATURES if name not in NOT_OF_THE_MACHINE),
-)
 _ALL = tuple(channel.name for channel in CHANNELS if channel.name != "time_s")
 
-_CARDS = (
-    BenchTestType(
-        "general",
+TEST_TYPES: dict[Kind, BenchTestType] = {
+    "general": BenchTestType(
         "General Test",
         "GeneralInformationTest",
         "General Information",
         "Every recorded signal over time, and the General Information table of energy, distance "
         "and consumption.",
-        (),
         _ALL,
     ),
-    BenchTestType(
-        "thermal",
+    "thermal": BenchTestType(
         "Thermal Behaviour Analysis",
         "ThermalBehaviourAnalysis",
         "Thermal behaviour",
         "Temperatures, split of the losses, thermal equilibrium, and the network of a run beside "
         "the measured winding.",
-        (TEMPERATURE,),
         (*NOT_OF_THE_MACHINE, "phase_current_A", "losses_W", "speed_rpm", "torque_Nm",
          "coolant_flow_L_per_min", "fan"),
+        "temperature of the machine",
+        tuple((c.name,) for c in CHANNELS
+              if c.unit == "degC" and c.name not in NOT_OF_THE_MACHINE),
     ),
-    BenchTestType(
-        "energy",
+    "energy": BenchTestType(
         "Energy Consumption",
         "EnergyConsumption",
         "Energy and consumption",
         "Energy drawn, fed back and at the shaft, power and efficiency by load; of a vehicle also "
         "distance and consumption.",
-        (POWER,),
         ("vehicle_speed_km_per_h", "speed_rpm", "torque_Nm", "mechanical_power_W"),
+        "electrical power",
+        (("dc_voltage_V", "dc_current_A"), ("dc_power_W",), ("electrical_power_W",),
+         ("u_d_V", "u_q_V", "i_d_A", "i_q_A")),
     ),
-    BenchTestType(
-        "virtual",
+    "virtual": BenchTestType(
         "Semi-real against Virtual Model Validation",
         "SemiRealVsVirtualModelValidation",
         "Alignment and outcome",
         "The bench beside a simulation of the same manoeuvre, signal by signal with a verdict.",
-        (),
         _ALL,
         needs_reference=True,
     ),
-    BenchTestType(
-        "real",
+    "real": BenchTestType(
         "Semi-real against Real Prototype Validation",
         "SemiRealVsRealPrototypeValidation",
         "Alignment and outcome",
         "The bench beside the road vehicle on the same manoeuvre, signal by signal with a verdict.",
-        (),
         _ALL,
         needs_reference=True,
     ),
-)  # fmt: skip
-
-TEST_TYPES: Mapping[Kind, BenchTestType] = MappingProxyType({card.kind: card for card in _CARDS})
+}  # fmt: skip
 """The test types by their word on the command line, in the order of the bench's menu."""
 
-PROTOTYPES = BenchTestType(
-    "prototypes",
-    "Comparison of prototypes",
-    "PrototypesComparison",
-    "Outcome",
-    "Any number of prototypes on one manoeuvre, each signal of each pair with a verdict.",
-    (),
-    _ALL,
-)
-"""The report that takes several records at once; not in the menu of the bench."""
-
-CARDS: Mapping[Kind, BenchTestType] = MappingProxyType({**TEST_TYPES, "prototypes": PROTOTYPES})
-"""Every kind of report, by its word on the command line."""
-
-
-WITHIN = ("winding", "stator")
+CARDS: dict[Kind, BenchTestType] = {
+    **TEST_TYPES,
+    "prototypes": BenchTestType(
+        "Comparison of prototypes",
+        "PrototypesComparison",
+        "Outcome",
+        "Any number of prototypes on one manoeuvre, each signal of each pair with a verdict.",
+        _ALL,
+    ),
+}
+"""Every kind of report; that of prototypes takes several records and is not in the bench's menu."""
 
 
 def flow_words(form: NetworkForm) -> dict[tuple[str, str], tuple[str, str]]:
@@ -179,14 +131,11 @@ def flow_words(form: NetworkForm) -> dict[tuple[str, str], tuple[str, str]]:
 
     P_ws and P_se are the two flows of the thesis: from winding to stator, and from the machine to
     the sink that T0 stands for. Of two sinks, that one is named.
-
-    Args:
-        form: The network.
     """
     sink = f"the {form.sink}" if form.second_sink else "the sink"
     body = "stator" if "stator" in form.nodes else "winding"
     known = {
-        WITHIN: ("P_ws", "winding to stator"),
+        ("winding", "stator"): ("P_ws", "winding to stator"),
         (body, form.sink): ("P_se", f"{body if body == 'stator' else 'machine'} to {sink}"),
     }
     return {link: known.get(link, unnamed(link)) for link, _ in form.resistance}
@@ -207,10 +156,8 @@ class Row:
 
     Attributes:
         name: Stable name with the unit at its end, for JSON.
-        label: As printed.
+        label: As printed; likewise the unit, empty for words.
         value: None where undefined; the note then says why.
-        unit: As printed, empty for words.
-        note: Where it comes from, or why it is undefined; may be empty.
         places: Decimal places as printed, negative for tens; None for five digits. JSON and CSV
             hold every digit.
     """
@@ -225,12 +172,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a further table.
-
-    Attributes:
-        label: As printed.
-        unit: Unit of its cells; None where each line has its own.
-    """
+    """A column of a further table, with the unit of its cells; None where each line has its own."""
 
     label: str
     unit: str | None = None
@@ -244,7 +186,7 @@ class Line:
         name: What it is about, such as a channel.
         unit: Unit of the cells whose column has none.
         cells: As many as columns.
-        note: May be empty.
+        note: Below the table.
         places: Decimal places of each cell as printed; None, or no such tuple, for four digits.
     """
 
@@ -257,32 +199,23 @@ class Line:
 
 @dataclass(frozen=True)
 class Table:
-    """A further table: one line for each signal or part of the machine.
-
-    Attributes:
-        title: Heading.
-        columns: Of the cells.
-        lines: From top to bottom.
-        note: A sentence below it; may be empty.
-    """
+    """A further table, one line for each signal or part of the machine, with a note below it."""
 
     title: str
     columns: tuple[Column, ...]
     lines: tuple[Line, ...]
     note: str = ""
 
+    def cells(self, line: Line) -> Iterator[tuple[str, Cell, str]]:
+        """Give quantity, value and unit of each cell of a line."""
+        for column, cell in zip(self.columns, line.cells, strict=True):
+            yield column.label, cell, line.unit if column.unit is None else column.unit
+
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure that is drawn when it is asked for.
+    """A figure that is drawn when it is asked for, with the sentence below it."""
 
-    Attributes:
-        name: For file names, such as `"courses"`.
-        caption: A sentence below it.
-        draw: Returns the figure.
-    """
-
-    name: str
     caption: str
     draw: Callable[[], Figure]
 
@@ -292,23 +225,15 @@ class Report:
     """A report of one test, before it is typeset.
 
     Attributes:
-        kind: Test type.
-        title: As printed.
-        test: Name of the test.
-        motor: Name of the motor.
+        test: Name of the test; likewise `motor`.
         summary: What came out, in one or two sentences.
         rows: The main table.
-        tables: Further tables.
-        drawings: Figures in their order.
-        findings: What is doubtful or missing.
         definitions: What the figures mean, by name.
         channels: Canonical channels that the report shows.
-        sources: The files behind it.
-        result: What the rows were taken from, for views that draw for themselves.
+        result: What the rows were taken from.
     """
 
     kind: Kind
-    title: str
     test: str
     motor: str
     summary: str
@@ -319,4 +244,9 @@ class Report:
     definitions: tuple[tuple[str, str], ...]
     channels: tuple[str, ...]
     sources: tuple[Source, ...]
-    result: GeneralInformation | ThermalBehaviour | Validation | Confrontation
+    result: Any
+
+    @property
+    def title(self) -> str:
+        """As printed."""
+        return CARDS[self.kind].title

@@ -17,6 +17,7 @@ from jaxtyping import Float
 
 from heatrun.errors import InputError
 from heatrun.io.open_file import digest, is_pipe
+from heatrun.io.own_files import SIMULATED
 from heatrun.readers.read import read_raw, read_record
 from heatrun.record.channels import CHANNELS
 from heatrun.record.motor import Motor
@@ -32,12 +33,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Simulated:
-    """A test as a run predicts it.
-
-    Attributes:
-        prediction: Reading, nodes and heat flows with their bands, block by block.
-        is_seen: Whether the run was calibrated on this very file.
-        motor_name: The machine that the run was calibrated for.
+    """A test as a run predicts it, block by block; whether the run was calibrated on that file,
+    and for which machine.
     """
 
     prediction: Prediction
@@ -51,19 +48,9 @@ class Simulated:
         effects = ", ".join(kind.card.id for kind in model.effects)
         return f"{model.title} with {effects}" if effects else model.title
 
-    @property
-    def measured_node(self) -> str:
-        """Node that the winding's sensor sits in."""
-        return self.prediction.model.form.measured_node
-
 
 def simulate_run(run: Path, record: Record, motor: Motor) -> Simulated:
-    """Predict a test with a run.
-
-    Args:
-        run: A folder that `heatrun calibrate` or `heatrun discover` wrote.
-        record: With currents, losses and sink.
-        motor: How the bench of this test measures.
+    """Predict a test with the run in a folder; the motor says how the bench of the test measures.
 
     Raises:
         InputError: As `heatrun.runs.run.Run.predict`.
@@ -75,9 +62,6 @@ def simulate_run(run: Path, record: Record, motor: Motor) -> Simulated:
 
 def refuse_changed(sources: Iterable[Source]) -> None:
     """Check that files on disk are those that were read.
-
-    Args:
-        sources: As the readers left them.
 
     Raises:
         InputError: If a file is gone or holds other bytes than when it was read.
@@ -103,9 +87,6 @@ def refuse_changed(sources: Iterable[Source]) -> None:
 
 
 SIDES = ("low", "high")
-ONLY_SIMULATED = ("copper_loss_W", "other_loss_W")
-"""Columns that `heatrun simulate` writes, no bench measures and no channel claims."""
-
 Limits = tuple[Float[np.ndarray, " time"], Float[np.ndarray, " time"]]
 
 
@@ -148,10 +129,6 @@ def read_reference(path: Path, motor: Motor) -> Reference:
     logged by different devices; canonical and known names are found as ever. A band is two columns
     such as `winding_95_low_degC` and `winding_95_high_degC`, in the unit of the channel.
 
-    Args:
-        path: The file.
-        motor: The machine.
-
     Raises:
         InputError: If the file cannot be read, or changes meanwhile.
     """
@@ -165,7 +142,7 @@ def read_reference(path: Path, motor: Motor) -> Reference:
         if channel.name in record and all(name in columns for name in names):
             low, high = (np.asarray(columns[name], dtype=float) for name in names)
             bands[channel.name] = (low, high)
-    is_ours = all(name in columns for name in ("time_s", *ONLY_SIMULATED))
+    is_ours = all(name in columns for name in ("time_s", *SIMULATED))
     return Reference(
         record=record,
         bands=bands,
@@ -175,13 +152,7 @@ def read_reference(path: Path, motor: Motor) -> Reference:
 
 
 def reference_of_run(simulated: Simulated, run: Path, motor: Motor) -> Reference:
-    """Return the winding and stator that a run says of a test, as the record of a prototype.
-
-    Args:
-        simulated: The run, driven by the test.
-        run: Its folder.
-        motor: The machine.
-    """
+    """Return the winding and stator that a run says of a test, as the record of a prototype."""
     found = simulated.prediction
     channels = {"time_s": found.time_s, "winding_degC": found.median}
     bands = {"winding_degC": found.total["95"]}
@@ -205,12 +176,11 @@ def driving(motor: Motor) -> frozenset[str]:
 def bands_on_axis(reference: Reference, pair: Pair) -> dict[str, Limits]:
     """Return the bands of a reference on the common axis of a pair, by channel."""
     clock = reference.record.time_s + pair.offset.offset_s
-    on_axis = {}
-    for channel, sides in reference.bands.items():
-        if channel in pair.theirs:
-            low, high = (_on_axis(pair.time_s, clock, side) for side in sides)
-            on_axis[channel] = (low, high)
-    return on_axis
+    return {
+        channel: (_on_axis(pair.time_s, clock, low), _on_axis(pair.time_s, clock, high))
+        for channel, (low, high) in reference.bands.items()
+        if channel in pair.theirs
+    }
 
 
 def _on_axis(axis: np.ndarray, clock: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -220,30 +190,15 @@ def _on_axis(axis: np.ndarray, clock: np.ndarray, values: np.ndarray) -> np.ndar
     return np.interp(axis, clock[known], values[known], left=np.nan, right=np.nan)
 
 
-def is_simulated(record: Record) -> bool:
-    """Return whether a record is a file that heatrun simulated."""
-    return all(name in record.unused for name in ONLY_SIMULATED)
-
-
 def simulated_as(role: str, record: Record) -> str:
-    """Return the sentence on a simulation in the place of a measured prototype; else nothing.
-
-    Args:
-        role: What it is given as.
-        record: As read.
-    """
-    if not is_simulated(record):
+    """Return the sentence on a simulation in the place of a measured prototype; else nothing."""
+    if not all(name in record.unused for name in SIMULATED):
         return ""
     return f"{record.name}, given as {role}, is a simulation by heatrun and no measured prototype."
 
 
 def fitted_by(run: Path, record: Record) -> str:
-    """Return the sentence on a record that a run was calibrated on; else nothing.
-
-    Args:
-        run: Its folder.
-        record: The record that its network is held against.
-    """
+    """Return the sentence on a record that a run was calibrated on; else nothing."""
     test = open_run(run).fitted_as(record)
     if test is None:
         return ""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,21 +16,29 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from heatrun.checks import check_record
+from heatrun.errors import InputError
 from heatrun.record.motor import Motor
 from heatrun.record.record import Finding, Record
-from heatrun.record.samples import samples
+from heatrun.record.samples import has, samples, sink_channel
 from heatrun.reports.printed import COVERAGE_FACTOR, format_interval, format_value, places_of
-from heatrun.runs.equilibrium import EXTRAPOLATION, Equilibrium, SteadyRise, criterion_words
+from heatrun.runs.equilibrium import (
+    EXTRAPOLATION,
+    Equilibrium,
+    SteadyRise,
+    Stretch,
+    criterion_words,
+    equilibria,
+)
 
-from .analysis.drive import LossSplit, has, integrate
-from .analysis.equilibrium import ThermalBehaviour, thermal_behaviour
+from .analysis.drive import LossSplit, integrate, measured, split_losses
 from .analysis.validation import instrument_class
 from .document import number
-from .general import places_of_readings, recorded, rise_lines, signal_table
-from .plot import CYCLE, finish, line, samples_or_nan, stacked, unit, wording
+from .general import places_of_readings, recorded, signal_table
+from .plot import band, finish, line, stacked, with_gaps, wording
 from .report import (
+    CARDS,
     NOT_OF_THE_MACHINE,
-    TEST_TYPES,
     Column,
     Drawing,
     Line,
@@ -40,7 +48,7 @@ from .report import (
     flow_words,
     unnamed,
 )
-from .simulated import Simulated, before, fitted_by
+from .simulated import Simulated, before, fitted_by, simulate_run
 
 if TYPE_CHECKING:
     from heatrun.runs.machine import SteadyNetwork
@@ -67,123 +75,170 @@ NETWORK_AT_REST = (
 )
 
 
-def thermal_report(motor: Motor, record: Record, run: Path | None = None) -> Report:
-    """Return the Thermal Behaviour Analysis of a record.
+@dataclass(frozen=True)
+class ThermalBehaviour:
+    """What a test says of the machine's temperatures.
 
-    Args:
-        motor: The machine.
-        record: With a temperature of the machine.
-        run: Folder of a calibration whose network is set beside the measurement; None for none.
+    Attributes:
+        settled: For each part of the machine, each stretch of constant load.
+        simulated: The test as the run predicts it, or None.
+        steady: Where the network of the run comes to rest under the load of the last stretch, if
+            the winding did not get there; else None.
+    """
+
+    settled: tuple[Equilibrium, ...]
+    simulated: Simulated | None
+    steady: SteadyNetwork | None
+
+
+def thermal_report(motor: Motor, record: Record, run: Path | None = None) -> Report:
+    """Return the Thermal Behaviour Analysis of a record, beside the network of a run if given.
 
     Raises:
         InputError: If no temperature was measured, or a run was given and cannot be simulated.
     """
-    found = thermal_behaviour(record, motor, run)
-    split, simulated = found.losses, found.simulated
-    sink = f"{motor.sink}_degC"
-    rows = [
-        *_winding_rows(record, sink),
-        *([] if split is None else _loss_rows(record, motor, split)),
-    ]
-    rows += equilibrium_rows(found.settled)
-    rows += [] if simulated is None else _run_rows(simulated)
-    rows += network_rows(found.steady)
-    continued = [e for e in last_of_each(found.settled) if isinstance(e.steady, SteadyRise)]
+    shown = tuple(c for c in record.channels if c.endswith("_degC") and has(record, c))
+    parts = [c for c in shown if c not in NOT_OF_THE_MACHINE]
+    if not parts:
+        raise InputError(
+            "Expected a temperature of the machine, such as winding_degC; the channels are "
+            f"{', '.join(record.channels)}.",
+            where=record.name,
+            remedy='Map it in the motor file: [columns] winding_degC = "T_winding [degC]".',
+        )
+    findings = list(check_record(record, motor))
+    split, sink = None, sink_channel(motor)
+    try:
+        split = split_losses(record, motor)
+    except InputError as error:
+        findings.append(
+            Finding("no_loss_split", "warning", error.problem, error.where, error.remedy,
+                    record.name)
+        )  # fmt: skip
+    simulated = None if run is None else simulate_run(run, record, motor)
+    settled = tuple(each for c in parts for each in equilibria(record, motor, c))
+    found = ThermalBehaviour(settled, simulated, _steady(simulated, settled))
+    rows = _winding_rows(record, sink)
+    rows += [] if split is None else _loss_rows(record, motor, split)
+    rows += equilibrium_rows(settled)
+    continued = [e for e in last_of_each(settled) if isinstance(e.steady, SteadyRise)]
     caption = "All measured temperatures, and the rises over the sink."
+    definitions = [("Thermal equilibrium", criterion_words(motor.equilibrium))]
+    if found.steady is not None:
+        definitions.append(("At rest, network", NETWORK_AT_REST))
     if continued:
         caption += " Broken lines are extrapolated, with 95 % bands: nothing was measured there."
-    drawings = [
-        Drawing("temperatures", caption,
-                lambda: temperatures(record, found.temperatures, sink, continued))
-    ]  # fmt: skip
-    if simulated is not None:
-        named = flow_words(simulated.prediction.model.form)
-        labels = {link: f"{symbol}, {words}" for link, (symbol, words) in named.items()
-                  if (symbol, words) != unnamed(link)}  # fmt: skip
+        definitions.append(("Extrapolated", EXTRAPOLATION))
+    drawings = [Drawing(caption, lambda: temperatures(record, shown, sink, continued))]
+    if simulated is None or run is None:
+        findings.append(
+            Finding(
+                "no_run",
+                "note",
+                "No run was given, so nothing simulated stands beside the measurement.",
+                record.name,
+                "Calibrate, and pass the run folder by --run.",
+                record.name,
+            )
+        )
+    else:
+        findings += _other_motor(simulated, motor, record, run)
+        rows += _run_rows(simulated)
         drawings += [
-            Drawing("against", "Measured against simulated winding, with Tsr, and the difference.",
+            Drawing("Measured against simulated winding, with Tsr, and the difference.",
                     lambda: against(simulated)),
-            Drawing("flows", "Heat flows of the network with their 95 % bands.",
-                    lambda: flows(simulated, labels)),
+            Drawing("Heat flows of the network with their 95 % bands.",
+                    lambda: flows(simulated)),
         ]  # fmt: skip
-    definitions = [("Thermal equilibrium", criterion_words(motor.equilibrium))]
-    definitions += DEFINITIONS if simulated is not None else ()
-    if simulated is not None:
-        definitions.append(_flows_defined(simulated))
-    if continued:
-        definitions.insert(1, ("Extrapolated", EXTRAPOLATION))
-    if found.steady is not None:
-        definitions.insert(1, ("At rest, network", NETWORK_AT_REST))
+        definitions += [*DEFINITIONS, _flows_defined(simulated)]
     if split is not None:
         definitions.append(("Split of the losses", split.formula))
         drawings.append(
-            Drawing("losses", "Losses, split by the measured winding temperature.",
+            Drawing("Losses, split by the measured winding temperature.",
                     lambda: losses(record, split))
         )  # fmt: skip
-    definitions.append(_calibration(motor, record, found, run))
-    others = tuple(
-        c for c in TEST_TYPES["thermal"].channels
-        if c in recorded(record) and c not in found.temperatures
-    )  # fmt: skip
-    of_machine = [c for c in found.temperatures if c not in NOT_OF_THE_MACHINE]
-    measured = signal_table(record, found.temperatures, "Temperatures")
-    rises = rise_lines(record, of_machine, sink)
-    tables = [replace(measured, lines=(*measured.lines, *rises)), gradients(found.settled)]
+    rows += [] if found.steady is None else network_rows(found.steady)
+    is_calibratable = all(finding.severity != "error" for finding in findings)
+    definitions.append(("Calibration", _calibration(motor, record, run, is_calibratable)))
+    others = tuple(c for c in CARDS["thermal"].channels if c in recorded(record) and c not in shown)
+    tables = [
+        signal_table(record, shown, "Temperatures", rises_of=parts, sink=sink),
+        gradients(settled),
+    ]
     if others:
         tables.append(signal_table(record, others, "Load"))
     return Report(
         kind="thermal",
-        title=TEST_TYPES["thermal"].title,
         test=record.name,
         motor=motor.name,
         summary=before([] if run is None else [fitted_by(run, record)], _summary(record, found)),
         rows=tuple(rows),
         tables=tuple(tables),
         drawings=tuple(drawings),
-        findings=(*found.findings, *_no_run(record, run)),
+        findings=tuple(findings),
         definitions=tuple(definitions),
-        channels=(*found.temperatures, *others),
+        channels=(*shown, *others),
         sources=record.sources,
         result=found,
     )
+
+
+def _other_motor(simulated: Simulated, motor: Motor, record: Record, run: Path) -> list[Finding]:
+    if simulated.motor_name == motor.name:
+        return []
+    return [
+        Finding(
+            "run_of_other_motor",
+            "warning",
+            f"The run was calibrated for {simulated.motor_name!r}, the motor file is of "
+            f"{motor.name!r}.",
+            str(run),
+            "Pass a run of this motor, unless only the name has changed.",
+            record.name,
+        )
+    ]
+
+
+def _steady(simulated: Simulated | None, settled: Sequence[Equilibrium]) -> SteadyNetwork | None:
+    """The network at rest, where the winding was stopped before it on a load that was held."""
+    of_winding = [each for each in settled if each.channel == "winding_degC"]
+    if simulated is None or not of_winding:
+        return None
+    last = of_winding[-1]
+    if last.is_reached is True or not last.is_held or last.stretch is None:
+        return None
+    from heatrun.runs.machine import steady_of_network
+
+    return steady_of_network(simulated.prediction, last.stretch)
 
 
 def _winding_rows(record: Record, sink: str) -> list[Row]:
     _, values = samples(record, "winding_degC")
     if values.size == 0:
         return []
-    places = places_of_readings(values)
+    _, winding, below = samples(record, "winding_degC", sink)
+    places, rise, name = places_of_readings(values), winding - below, f"over {wording(sink)}"
     rows = [
         Row("winding_highest_degC", "Winding, highest", float(np.max(values)), "°C", places=places),
         Row("winding_end_degC", "Winding at the end", float(values[-1]), "°C", places=places),
     ]
-    _, winding, below = samples(record, "winding_degC", sink)
-    if winding.size == 0:
-        return rows
-    rise, name = winding - below, wording(sink)
-    return [
-        rows[0],
-        Row("winding_highest_rise_K", f"Winding over {name}, highest rise", float(np.max(rise)),
-            "K", places=1),
-        rows[1],
-        Row("winding_end_rise_K", f"Winding over {name}, rise at the end", float(rise[-1]), "K",
-            places=1),
-    ]  # fmt: skip
+    if rise.size:
+        rows.insert(1, Row("winding_highest_rise_K", f"Winding {name}, highest rise",
+                           float(np.max(rise)), "K", places=1))  # fmt: skip
+        rows.append(Row("winding_end_rise_K", f"Winding {name}, rise at the end",
+                        float(rise[-1]), "K", places=1))  # fmt: skip
+    return rows
 
 
 def _loss_rows(record: Record, motor: Motor, split: LossSplit) -> list[Row]:
     joule, other = (_mean(record, values) for values in (split.joule_W, split.other_W))
-    if joule is None or other is None:
-        U_joule = U_other = None
-    else:
+    U_joule = U_other = 0.0
+    if joule is not None and other is not None:
         # the current enters squared; the losses are P_Js and P_ol together, but for a map
         U_joule = 2.0 * COVERAGE_FACTOR * instrument_class("current_gain", motor) * joule
         is_map = motor.losses == "map"
-        U_power = (
-            COVERAGE_FACTOR
-            * instrument_class("power_gain", motor)
-            * abs(other if is_map else joule + other)
-        )
+        power = abs(other if is_map else joule + other)
+        U_power = COVERAGE_FACTOR * instrument_class("power_gain", motor) * power
         U_other = U_power if is_map else float(np.hypot(U_joule, U_power))
     return [
         _loss_row("joule_mean_W", "P_Js, loss of the winding, mean", joule, U_joule),
@@ -191,16 +246,15 @@ def _loss_rows(record: Record, motor: Motor, split: LossSplit) -> list[Row]:
     ]
 
 
-def _loss_row(name: str, label: str, mean: float | None, U: float | None) -> Row:
-    if mean is None or U is None or not U > 0.0:
+def _loss_row(name: str, label: str, mean: float | None, U: float) -> Row:
+    if not U > 0.0:
         return Row(name, label, mean, "W")
     note = f"± {format_value(mean, U)[1]} W (k = 2) by the classes of the instruments"
     return Row(name, label, mean, "W", note, places_of(U))
 
 
 def _mean(record: Record, values: np.ndarray) -> float | None:
-    made = Record(record.name, {"time_s": record.time_s, "loss": values})
-    whole = integrate(*samples(made, "loss"))
+    whole = integrate(*measured(record, values))
     return whole.net / whole.covered_s if whole.covered_s > 0.0 else None
 
 
@@ -219,12 +273,11 @@ def _run_rows(simulated: Simulated) -> list[Row]:
             100.0 * found.coverage_95(), "%", places=0),
     ]  # fmt: skip
     for node, course in found.nodes.items():
-        if node == simulated.measured_node:
+        if node == found.model.form.measured_node:
             continue
-        label = "Tsr" if node == "stator" else node.replace("_", " ")
         low, high = (float(side[-1]) for side in found.nodes_95[node])
         rows.append(
-            Row(f"{node}_end_degC", f"{label} at the end", float(course[-1]), "°C",
+            Row(f"{node}_end_degC", f"{_node(node)} at the end", float(course[-1]), "°C",
                 f"95 %: {low:.1f} … {high:.1f} °C", 1)
         )  # fmt: skip
     named = flow_words(found.model.form)
@@ -241,6 +294,10 @@ def _run_rows(simulated: Simulated) -> list[Row]:
     return rows
 
 
+def _node(name: str) -> str:
+    return "Tsr" if name == "stator" else name.replace("_", " ")
+
+
 def _flows_defined(simulated: Simulated) -> tuple[str, str]:
     form = simulated.prediction.model.form
     sink = f"the {form.sink}, the sink that T0 stands for" if form.second_sink else "the sink"
@@ -248,7 +305,7 @@ def _flows_defined(simulated: Simulated) -> tuple[str, str]:
 
 
 def _summary(record: Record, found: ThermalBehaviour) -> str:
-    words = f"{record.duration_s / 60.0:.1f} min; {equilibrium_sentence(found.settled)}"
+    words = f"{record.duration_s / 60.0:.1f} min; {_equilibrium_sentence(found.settled)}"
     if found.simulated is not None:
         said = found.simulated.prediction
         words += (
@@ -258,34 +315,16 @@ def _summary(record: Record, found: ThermalBehaviour) -> str:
     return words + "."
 
 
-def _calibration(
-    motor: Motor, record: Record, found: ThermalBehaviour, run: Path | None
-) -> tuple[str, str]:
+def _calibration(motor: Motor, record: Record, run: Path | None, is_allowed: bool) -> str:
     """Which command turns this test into parameters, or takes them up."""
     file = shlex.quote(motor.path or "MOTOR.toml")
     files = "+".join(source.path for source in record.sources) or "TEST"
     test = shlex.quote(f"{files}@{record.stretch}" if record.stretch else files)
     if run is not None:
-        sheet = f"heatrun sheet {shlex.quote(str(run))}"
-        return "Calibration", f"Parameters and their uncertainty: {sheet}"
-    if not found.allows_calibration:
-        return "Calibration", f"The findings forbid one; details: heatrun check {file} {test}"
-    return "Calibration", f"Parameters from this test: heatrun calibrate {file} {test}"
-
-
-def _no_run(record: Record, run: Path | None) -> tuple[Finding, ...]:
-    if run is not None:
-        return ()
-    return (
-        Finding(
-            "no_run",
-            "note",
-            "No run was given, so nothing simulated stands beside the measurement.",
-            record.name,
-            "Calibrate, and pass the run folder by --run.",
-            record.name,
-        ),
-    )
+        return f"Parameters and their uncertainty: heatrun sheet {shlex.quote(str(run))}"
+    if not is_allowed:
+        return f"The findings forbid one; details: heatrun check {file} {test}"
+    return f"Parameters from this test: heatrun calibrate {file} {test}"
 
 
 VERDICT = {True: "reached", False: "not reached", None: "undecided"}
@@ -302,7 +341,9 @@ def equilibrium_rows(settled: Sequence[Equilibrium]) -> list[Row]:
     for last in last_of_each(settled):
         earlier = [e for e in settled if e.channel == last.channel and e is not last]
         name = wording(last.channel)
-        notes = [_when(last), last.reason, _first(last)]
+        notes = [_when(last), last.reason]
+        if last.first_reached_s is not None:
+            notes.append(f"first met at {last.first_reached_s / 60.0:.0f} min")
         notes += [f"before, {_when(e)}: {VERDICT[e.is_reached]}" for e in earlier]
         rows.append(
             Row(f"{name.replace(' ', '_')}_equilibrium", f"Equilibrium of the {name}",
@@ -313,57 +354,54 @@ def equilibrium_rows(settled: Sequence[Equilibrium]) -> list[Row]:
     return rows
 
 
-def network_rows(found: SteadyNetwork | None) -> list[Row]:
+def network_rows(found: SteadyNetwork) -> list[Row]:
     """Return the steady state of the run's network under the load of the last stretch."""
-    if found is None:
-        return []
     rows = []
     for node, value in found.median_degC.items():
         low, high = found.limits_degC[node]
-        label = "Tsr" if node == "stator" else node.replace("_", " ")
+        label = _upper(_node(node))
         rows.append(
-            Row(f"{node}_network_steady_degC", f"{_upper(label)} at rest, network, extrapolated",
+            Row(f"{node}_network_steady_degC", f"{label} at rest, network, extrapolated",
                 value, "°C", f"95 %: {low:.1f} … {high:.1f} °C; load and sink as from "
                 f"{found.from_s / 60.0:.0f} to {found.to_s / 60.0:.0f} min; no measurement", 1)
         )  # fmt: skip
     return rows
 
 
+GRADIENT_COLUMNS = (
+    Column("from", "min"), Column("to", "min"),
+    Column("last but one interval"), Column("standard error"),
+    Column("last interval"), Column("standard error"),
+    Column("equilibrium", ""),
+)  # fmt: skip
+
+
 def gradients(settled: Sequence[Equilibrium]) -> Table:
     """Return the gradients of each part on each stretch."""
-    columns = (
-        Column("from", "min"),
-        Column("to", "min"),
-        Column("last but one interval"),
-        Column("standard error"),
-        Column("last interval"),
-        Column("standard error"),
-        Column("equilibrium", ""),
-    )
     lines = []
     for each in settled:
         stretch = each.stretch
         span = (None, None) if stretch is None else (stretch.from_s / 60.0, stretch.to_s / 60.0)
         pairs = list(zip(each.gradients_K_per_h, each.errors_K_per_h, strict=True))
-        figures = (None,) * (4 - 2 * len(pairs)) + tuple(v for pair in pairs for v in pair)
+        missing = (None,) * (4 - 2 * len(pairs))
+        figures = missing + tuple(v for pair in pairs for v in pair)
         not_continued = f"not continued: {each.steady}" if isinstance(each.steady, str) else ""
         note = "; ".join(part for part in (each.reason, not_continued) if part)
         cells = (*span, *figures, VERDICT[each.is_reached])
         of_pairs = [places_of(error) if error > 0.0 else None for _, error in pairs]
-        places = (None,) * (4 - 2 * len(pairs)) + tuple(d for d in of_pairs for _ in range(2))
+        places = missing + tuple(d for d in of_pairs for _ in range(2))
         lines.append(Line(wording(each.channel), "K/h", cells, note, (1, 1, *places, None)))
-    return Table("Gradients of the rise over the sink", columns, tuple(lines))
+    return Table("Gradients of the rise over the sink", GRADIENT_COLUMNS, tuple(lines))
 
 
-def equilibrium_sentence(settled: Sequence[Equilibrium]) -> str:
+def _equilibrium_sentence(settled: Sequence[Equilibrium]) -> str:
     """Return the verdict in words: on the whole record, or on each stretch of constant load."""
-    spans = dict.fromkeys(each.stretch for each in settled)
+    spans: dict[Stretch | None, list[Equilibrium]] = {}
+    for each in settled:
+        spans.setdefault(each.stretch, []).append(each)
     if len(spans) < 2:
         return f"thermal equilibrium {_state(settled)}"
-    parts = []
-    for span in spans:
-        of_span = [each for each in settled if each.stretch == span]
-        parts.append(f"{_when(of_span[0])} {_state(of_span)}")
+    parts = [f"{_when(of_span[0])} {_state(of_span)}" for of_span in spans.values()]
     return f"thermal equilibrium by stretch of constant load: {'; '.join(parts)}"
 
 
@@ -380,28 +418,19 @@ def _state(settled: Sequence[Equilibrium]) -> str:
 def _steady_row(found: Equilibrium, steady: SteadyRise) -> Row:
     low, high = (found.sink_degC + side for side in steady.rise_95_K)
     name = wording(found.channel)
-    return Row(
-        f"{name.replace(' ', '_')}_steady_degC",
-        f"{_upper(name)} in equilibrium, extrapolated",
-        found.sink_degC + steady.rise_K,
-        "°C",
+    note = (
         f"95 %: {low:.1f} … {high:.1f} °C; a rise of {steady.rise_K:.1f} K over a sink of "
         f"{found.sink_degC:.1f} °C; one exponential with a time constant of "
-        f"{steady.tau_s / 60.0:.0f} min; no measurement",
-        1,
+        f"{steady.tau_s / 60.0:.0f} min; no measurement"
     )
+    key, label = name.replace(" ", "_"), f"{_upper(name)} in equilibrium, extrapolated"
+    return Row(f"{key}_steady_degC", label, found.sink_degC + steady.rise_K, "°C", note, 1)
 
 
 def _when(found: Equilibrium) -> str:
     if found.stretch is None:
         return ""
     return f"{found.stretch.from_s / 60.0:.0f} to {found.stretch.to_s / 60.0:.0f} min"
-
-
-def _first(found: Equilibrium) -> str:
-    if found.first_reached_s is None:
-        return ""
-    return f"first met at {found.first_reached_s / 60.0:.0f} min"
 
 
 def _upper(label: str) -> str:
@@ -413,95 +442,83 @@ CONTINUED = 3.0
 
 
 def temperatures(
-    record: Record, behaviour_channels: tuple[str, ...], sink: str,
-    continued: Sequence[Equilibrium] = (),
-) -> Figure:  # fmt: skip
+    record: Record, channels: Sequence[str], sink: str, continued: Sequence[Equilibrium] = ()
+) -> Figure:
     """Return all temperatures of a test over time, what some would have come to, and below the
     rises over a sink where it was measured.
     """
     rises = [
         (place, channel)
-        for place, channel in enumerate(behaviour_channels)
+        for place, channel in enumerate(channels)
         if channel not in NOT_OF_THE_MACHINE and has(record, channel, sink)
     ]
-    figure, (axis, *below) = stacked([2.0, 1.05] if rises else [2.3])
+    above, under = "temperature [°C]", f"rise over\n{wording(sink)} [K]"
+    figure, (axis, *below) = stacked(*([(above, 2.0), (under, 1.05)] if rises else [(above, 2.3)]))
     for place, channel in rises:
-        made = Record(record.name, {"time_s": record.time_s, "K": record[channel] - record[sink]})
-        line(below[0], *samples_or_nan(made, "K"), wording(channel), place)
-        below[0].set_ylabel(f"rise over\n{wording(sink)} [K]", fontsize=8)
-    for place, channel in enumerate(behaviour_channels):
-        line(axis, *samples_or_nan(record, channel), wording(channel), place)
+        rise = measured(record, record[channel] - record[sink])
+        line(below[0], *with_gaps(*rise), wording(channel), place)
+    for place, channel in enumerate(channels):
+        line(axis, *with_gaps(*samples(record, channel)), wording(channel), place)
     for each in continued:
-        if isinstance(each.steady, SteadyRise):
-            _continue(axis, each, each.steady, behaviour_channels.index(each.channel), record)
-    axis.set_ylabel(f"temperature [{unit('winding_degC')}]", fontsize=8)
+        _continue(axis, each, channels.index(each.channel), record)
     finish([axis, *below])
     return figure
 
 
-def _continue(
-    axis: Axes, found: Equilibrium, steady: SteadyRise, place: int, record: Record
-) -> None:
-    colour = CYCLE[place % len(CYCLE)]
+def _continue(axis: Axes, found: Equilibrium, place: int, record: Record) -> None:
+    steady = found.steady
+    assert isinstance(steady, SteadyRise)
     span_s = min(CONTINUED * steady.tau_s, 2.0 * record.duration_s)
     time_s = np.linspace(steady.end_s, steady.end_s + span_s, 100)
     low, middle, high = (found.sink_degC + side for side in steady.course(time_s))
-    axis.fill_between(time_s / 60.0, low, high, color=colour, alpha=0.2, lw=0)
-    axis.plot(time_s / 60.0, middle, color=colour, lw=1.0, ls="--",
-              label=f"{wording(found.channel)}, extrapolated (95 %)")  # fmt: skip
+    band(axis, time_s, (low, high), number=place)
+    label = f"{wording(found.channel)}, extrapolated (95 %)"
+    line(axis, time_s, middle, label, place, lw=1.0, ls="--")
 
 
 def losses(record: Record, split: LossSplit) -> Figure:
     """Return P_Js and P_ol over time."""
-    figure, (axis,) = stacked([1.5])
+    figure, (axis,) = stacked(("losses [W]", 1.5))
     for place, (label, values) in enumerate(
         (("P_Js, winding", split.joule_W), ("P_ol, others", split.other_W))
     ):
-        made = Record(record.name, {"time_s": record.time_s, "loss": values})
-        line(axis, *samples_or_nan(made, "loss"), label, place)
+        line(axis, *with_gaps(*measured(record, values)), label, place)
     axis.axhline(0.0, color="0.6", lw=0.6)
-    axis.set_ylabel("losses [W]", fontsize=8)
     finish([axis])
     return figure
 
 
 def against(simulated: Simulated) -> Figure:
     """Return measured against simulated winding with bands, and the residuals."""
-    figure, (top, bottom) = stacked([2.15, 0.9])
+    figure, (top, bottom) = stacked(("temperature [°C]", 2.15), ("measured −\nsimulated [K]", 0.9))
     found = simulated.prediction
-    minutes = found.time_s / 60.0
-    top.fill_between(minutes, *found.total["95"], color=CYCLE[0], alpha=0.15, lw=0,
-                     label="95 % with noise")  # fmt: skip
-    top.fill_between(minutes, *found.parameters["95"], color=CYCLE[0], alpha=0.35, lw=0,
-                     label="95 % of the parameters")  # fmt: skip
-    top.plot(minutes, found.median, color=CYCLE[0], lw=1.1, label="simulated winding")
-    top.plot(minutes, found.test.measured, ".", color="#222222", ms=2.2,
+    time_s = found.time_s
+    band(top, time_s, found.total["95"], "95 % with noise", alpha=0.15)
+    band(top, time_s, found.parameters["95"], "95 % of the parameters", alpha=0.35)
+    line(top, time_s, found.median, "simulated winding", lw=1.1)
+    top.plot(time_s / 60.0, found.test.measured, ".", color="#222222", ms=2.2,
              label="measured winding (block means)")  # fmt: skip
-    others = [node for node in found.nodes if node != simulated.measured_node]
+    others = [node for node in found.nodes if node != found.model.form.measured_node]
     for place, node in enumerate(others, start=2):
-        colour = CYCLE[place % len(CYCLE)]
-        label = "stator Tsr" if node == "stator" else node.replace("_", " ")
-        top.fill_between(minutes, *found.nodes_95[node], color=colour, alpha=0.25, lw=0)
-        top.plot(minutes, found.nodes[node], color=colour, lw=1.1,
-                 label=f"{label}, simulated (95 %)")  # fmt: skip
-    top.set_ylabel("temperature [°C]", fontsize=8)
+        label = f"{'stator Tsr' if node == 'stator' else _node(node)}, simulated (95 %)"
+        band(top, time_s, found.nodes_95[node], number=place, alpha=0.25)
+        line(top, time_s, found.nodes[node], label, place, lw=1.1)
     bottom.axhline(0.0, color="0.6", lw=0.6)
-    bottom.plot(minutes, found.residual, color=CYCLE[1], lw=0.9)
-    bottom.set_ylabel("measured −\nsimulated [K]", fontsize=8)
+    line(bottom, time_s, found.residual, number=1)
     finish([top, bottom])
     return figure
 
 
-def flows(simulated: Simulated, labels: dict[tuple[str, str], str]) -> Figure:
+def flows(simulated: Simulated) -> Figure:
     """Return the heat flows of the network over time with their bands."""
-    figure, (axis,) = stacked([1.5])
+    figure, (axis,) = stacked(("heat flow [W]", 1.5))
     found = simulated.prediction
-    minutes = found.time_s / 60.0
+    named = flow_words(found.model.form)
     for place, (link, flow) in enumerate(found.flows.items()):
-        colour = CYCLE[place % len(CYCLE)]
-        axis.fill_between(minutes, *found.flows_95[link], color=colour, alpha=0.25, lw=0)
-        axis.plot(minutes, flow, color=colour, lw=1.0, label=labels.get(link, " to ".join(link)))
-    axis.set_ylabel("heat flow [W]", fontsize=8)
+        symbol, words = named.get(link, unnamed(link))
+        label = symbol if (symbol, words) == unnamed(link) else f"{symbol}, {words}"
+        band(axis, found.time_s, found.flows_95[link], number=place, alpha=0.25)
+        line(axis, found.time_s, flow, label, place, lw=1.0)
     if np.any([np.min(flow) < 0.0 for flow in found.flows.values()]):
         axis.axhline(0.0, color="0.6", lw=0.6)
     finish([axis])

@@ -21,27 +21,18 @@ from .analysis.validation import (
     validate,
 )
 from .plot import overlay, unit, wording
-from .report import TEST_TYPES, Column, Drawing, Line, Report, Row, Table
+from .report import Column, Drawing, Line, Report, Row, Table
 from .simulated import Reference, before, fitted_by, same_file, simulated_as
 
 DIFFERENCE_COLUMNS = (
-    Column("bias"),
-    Column("RMSE"),
-    Column("largest"),
-    Column("at", "min"),
-    Column("correlation", "1"),
-    Column("tolerance"),
-    Column("inside", "%"),
-    Column("in the band", "%"),
-    Column("verdict", ""),
-)
+    Column("bias"), Column("RMSE"), Column("largest"), Column("at", "min"),
+    Column("correlation", "1"), Column("tolerance"), Column("inside", "%"),
+    Column("in the band", "%"), Column("verdict", ""),
+)  # fmt: skip
 FIGURE_COLUMNS = (
-    Column("test"),
-    Column("reference"),
-    Column("difference", "%"),
-    Column("tolerance"),
+    Column("test"), Column("reference"), Column("difference", "%"), Column("tolerance"),
     Column("verdict", ""),
-)
+)  # fmt: skip
 
 DEFINITIONS = (
     ("Difference", "Test minus reference on the common axis; means are weighted by time."),
@@ -64,25 +55,15 @@ def validation_report(
     tolerances: Mapping[str, float] | None = None,
     offset_s: float | None = None,
 ) -> Report:
-    """Return the comparison of a test with the record of another prototype.
+    """Return the comparison of a test on the bench with the record of another prototype.
 
-    Args:
-        kind: Which prototype the reference comes from; it names the report.
-        motor: The machine.
-        record: The test on the bench.
-        reference: The other prototype's record.
-        tolerances: By channel or figure, in its unit (K for temperatures).
-        offset_s: What is added to the reference's clock [s]; searched if None.
-
-    Raises:
-        InputError: If they share no signal or no time, or the offset cannot be found.
+    As `heatrun_reports.analysis.validation.validate`; the kind of prototype names the report.
     """
     found = validate(record, reference, motor, tolerances=tolerances, offset_s=offset_s)
     used = Counter(signal.verdict for signal in found.signals)
     verdicts = tuple((v.capitalize(), words) for v, words in VERDICTS.items() if used[v])
     return Report(
         kind=kind,
-        title=TEST_TYPES[kind].title,
         test=record.name,
         motor=motor.name,
         summary=before(_first(kind, record, reference), _summary(found)),
@@ -90,7 +71,6 @@ def validation_report(
         tables=_tables(found),
         drawings=tuple(
             Drawing(
-                f"signal_{signal.channel}",
                 f"Above, {wording(signal.channel)} of both prototypes; below, test minus reference "
                 "with the tolerance shaded.",
                 partial(overlay, found.pair, signal, found.bands),
@@ -164,18 +144,18 @@ def _rows(found: Validation, reference: Reference) -> tuple[Row, ...]:
 
 
 def _tables(found: Validation) -> tuple[Table, ...]:
-    lines = tuple(_line(signal) for signal in _evidence_first(found))
-    tables = [Table("Signal by signal", DIFFERENCE_COLUMNS, lines)]
-    if found.figures:
-        tables.append(
-            Table(
-                "Energy, distance and consumption over the time in common",
-                FIGURE_COLUMNS,
-                tuple(_figure_line(figure) for figure in found.figures),
-                f"Tolerances: {PERCENT} of the reference's figure, unless given.",
-            )
-        )
-    return tuple(tables)
+    signals = Table(
+        "Signal by signal",
+        DIFFERENCE_COLUMNS,
+        tuple(_line(signal) for signal in _evidence_first(found)),
+    )
+    figures = Table(
+        "Energy, distance and consumption over the time in common",
+        FIGURE_COLUMNS,
+        tuple(_figure_line(figure) for figure in found.figures),
+        f"Tolerances: {PERCENT} of the reference's figure, unless given.",
+    )
+    return tuple(table for table in (signals, figures) if table.lines)
 
 
 def _figure_line(figure: FigureComparison) -> Line:

@@ -10,7 +10,8 @@ from typing import Any, TypeVar
 import panel as pn
 from tornado.ioloop import IOLoop
 
-from .look import TABS_CSS
+from .look import TABS_CSS, WIDE, stacked
+from .words import problem
 
 T = TypeVar("T")
 
@@ -24,11 +25,6 @@ def in_order() -> AbstractContextManager[Any]:
     the watchers of its widgets without the one that Bokeh asks for.
     """
     return pn.io.unlocked()
-
-
-def without_event(act: Callable[[], None]) -> Callable[[object], None]:
-    """Return what a widget can call with its event, which is dropped."""
-    return lambda _: act()
 
 
 class Soon:
@@ -73,11 +69,8 @@ def when_built(act: Callable[[], None]) -> None:
 def in_background(work: Callable[[], T], show: Callable[[T], None]) -> None:
     """Do work in a thread of its own and show what came of it in the page's turn.
 
-    What is found while the browser still builds the page waits until that has, see `when_built`.
-
-    Args:
-        work: Raises nothing; touches nothing of the page.
-        show: Gets what the work has returned. Without a page, at once.
+    What is found while the browser still builds the page waits until that has, see `when_built`;
+    without a page it is shown at once. The work raises nothing and touches nothing of the page.
     """
     document = pn.state.curdoc
     if document is None:
@@ -98,15 +91,46 @@ def in_background(work: Callable[[], T], show: Callable[[T], None]) -> None:
     threading.Thread(target=run, daemon=True, name="heatrun reader").start()
 
 
+class Latest:
+    """Work beside the page of which only what was asked for last is shown."""
+
+    def __init__(self) -> None:
+        self._asked = 0
+
+    def forget(self) -> None:
+        """Show nothing of what is being worked out."""
+        self._asked += 1
+
+    def ask(self, what: str, work: Callable[[], T], show: Callable[[T | str], None]) -> None:
+        """Do work beside the page; where it fails, why is shown as HTML.
+
+        Args:
+            what: It is about, for the message.
+            work: As `in_background`, but may raise.
+            show: Gets what the work has returned, or the message.
+        """
+        self.forget()
+        asked = self._asked
+
+        def done() -> T | str:
+            try:
+                return work()
+            except Exception as error:
+                return problem(what, error)
+
+        def show_latest(found: T | str) -> None:
+            if asked == self._asked:
+                show(found)
+
+        in_background(done, show_latest)
+
+
 class LateTabs:
     """Tabs of which each is rendered when it is first shown, and stays in the page from then on.
 
     Before that it is an empty place: its content keeps what it is told, and no browser has it.
     Panel's `dynamic=True` would take a tab out again whenever another is shown: what changes in it
     meanwhile, such as the progress of a command, would come to no browser before it is shown again.
-
-    Attributes:
-        view: What goes on the page.
     """
 
     def __init__(self, *parts: tuple[str, Any], active: int) -> None:
@@ -115,7 +139,7 @@ class LateTabs:
         None is rendered yet; the first one is by `render`, once the page is put together.
         """
         self._contents: list[Any] = []
-        self.view = pn.Tabs(sizing_mode="stretch_width", stylesheets=[TABS_CSS])
+        self.view = pn.Tabs(sizing_mode=WIDE, stylesheets=[TABS_CSS])
         for title, content in parts:
             self.append(title, content)
         self.view.active = active
@@ -129,7 +153,7 @@ class LateTabs:
     def append(self, title: str, content: Any) -> None:
         """Put a tab behind the others."""
         self._contents.append(content)
-        self.view.append((title, pn.Column(sizing_mode="stretch_width")))
+        self.view.append((title, stacked()))
 
     def show(self, content: Any) -> None:
         """Show a tab by its content."""

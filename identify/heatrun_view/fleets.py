@@ -7,6 +7,7 @@ import io
 import json
 import math
 import shlex
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -19,6 +20,7 @@ import numpy as np
 from heatrun.errors import InputError
 from heatrun.io.quantities import printed_unit
 from heatrun.record.record import Finding
+from heatrun.reports.printed import format_interval, format_value
 
 from .gate import is_inside, read_inside
 from .store import Stamp
@@ -38,12 +40,7 @@ Row = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Fleet:
-    """A folder that `heatrun fleet` wrote or is writing.
-
-    Attributes:
-        path: The folder, with links resolved.
-        root: The folder that is shown, outside of which nothing is read.
-    """
+    """A folder that `heatrun fleet` wrote or is writing; outside the root nothing is read."""
 
     path: Path
     root: Path
@@ -102,11 +99,7 @@ class Fleet:
 
 
 def fleets_under(root: Path) -> list[Fleet]:
-    """Return the fleets in a folder and below it, the folder itself first.
-
-    Args:
-        root: The folder that is shown, with links resolved.
-    """
+    """Return the fleets in a folder and below it, the folder itself first."""
     folders = [path.parent for path in _found(root, MACHINES)]
     folders += [path.parent.parent for path in _found(root, f"{PARTS}/*.parquet")]
     return [
@@ -189,10 +182,6 @@ def columns(rows: Sequence[Row], sisters: Mapping[str, Row]) -> dict[str, list[A
     `value_0`, `value_1`, … are the most probable values in the order of `parameters`, and `text_0`,
     … the same with 95 % interval. `strip` holds for each parameter where interval and value lie
     among the machines of the type, from 0 to 100.
-
-    Args:
-        rows: Of the fleet.
-        sisters: What populations say of the machines.
     """
     found: dict[str, list[Any]] = {
         "machine": [row["machine"] for row in rows],
@@ -223,11 +212,7 @@ def parameters(rows: Sequence[Row]) -> dict[str, str]:
 
 
 def intervals(row: Row) -> dict[str, tuple[float, float, float]]:
-    """Return lower limit of the 95 % interval, most probable value and upper limit, by name.
-
-    Args:
-        row: Of a machine.
-    """
+    """Return lower limit of the 95 % interval, most probable value and upper limit, by name."""
     if not row["parameters"]:
         return {}
     num = len(row["parameters"])
@@ -249,22 +234,12 @@ def findings(row: Row) -> list[Finding]:
 
 
 def files(row: Row, role: str) -> list[str]:
-    """Return the files of a machine, as its fleet file names them.
-
-    Args:
-        row: Of the machine.
-        role: `"motor"`, `"calibration"` or `"holdout"`.
-    """
+    """Return the files of a role, motor, calibration or holdout, as the fleet file names them."""
     return [each["path"] for each in row["inputs"] or [] if each["role"] == role]
 
 
 def verdict(row: Row, sister: Row | None) -> str:
-    """Return in a few words what became of a machine.
-
-    Args:
-        row: Of the machine.
-        sister: What its population says of it; None where there is none.
-    """
+    """Return in a few words what became of a machine, and what its population says of it."""
     if row["status"] != "fitted":
         return str(row["status"])
     if not row["is_converged"]:
@@ -275,17 +250,8 @@ def verdict(row: Row, sister: Row | None) -> str:
 
 
 def headline(rows: Sequence[Row], sisters: Mapping[str, Row], is_whole: bool) -> str:
-    """Return in a sentence or two what the fleet is.
-
-    Args:
-        rows: Of the fleet.
-        sisters: What populations say of the machines.
-        is_whole: Whether all machines are there.
-    """
-    count: dict[str, int] = {}
-    for row in rows:
-        word = verdict(row, sisters.get(row["machine"]))
-        count[word] = count.get(word, 0) + 1
+    """Return in a sentence or two what the fleet is."""
+    count = Counter(verdict(row, sisters.get(row["machine"])) for row in rows)
     said = ", ".join(f"{num} {word}" for word, num in sorted(count.items()))
     words = f"{len(rows)} machines: {said}."
     if not is_whole:
@@ -299,12 +265,7 @@ def headline(rows: Sequence[Row], sisters: Mapping[str, Row], is_whole: bool) ->
 
 
 def details(row: Row, sister: Row | None) -> str:
-    """Return all that is known of a machine as HTML.
-
-    Args:
-        row: Of the machine.
-        sister: What its population says of it; None where there is none.
-    """
+    """Return all that is known of a machine, its population included, as HTML."""
     kind = f" · type {escape(row['type'])}" if row["type"] else ""
     said = "".join(f" · {escape(k)} {escape(v)}" for k, v in row["covariates"] or [])
     parts = [f"<h3>{escape(row['machine'])}{kind}{said}</h3>"]
@@ -313,15 +274,10 @@ def details(row: Row, sister: Row | None) -> str:
     if row["parameters"]:
         head, lines = _parameter_rows(row, sister)
         parts.append(table(head, lines))
+        keys = ("holdout_tests", "holdout_rmse_K", "holdout_coverage_95")
         heldout = [
             (name, f"{rmse:.2f} K", f"{100 * inside:.0f} %")
-            for name, rmse, inside in zip(
-                *(
-                    row[key] or []
-                    for key in ("holdout_tests", "holdout_rmse_K", "holdout_coverage_95")
-                ),
-                strict=True,
-            )
+            for name, rmse, inside in zip(*(row[key] or [] for key in keys), strict=True)
         ]
         if row["rmse_K"] is not None:
             tests = "1 test" if row["num_tests"] == 1 else f"{row['num_tests']} tests"
@@ -365,15 +321,11 @@ def _why(row: Row, sister: Row | None) -> str:
 
 
 def _ranged(low: float, value: float, high: float) -> str:
-    """Return a value with its interval, to a digit that the interval leaves sense."""
+    """Return a value with its interval, to two digits of its width; empty where it is not known."""
     if not all(map(math.isfinite, (low, value, high))):
         return ""
     width = max(high - low, abs(value) * 1e-6)
-    last = math.floor(math.log10(width)) - 1  # two digits of the width
-    if last >= 0:
-        value, low, high = (round(each, -last) for each in (value, low, high))
-    places = min(max(0, -last), 12)
-    return f"{value:.{places}f} ({low:.{places}f} … {high:.{places}f})"
+    return f"{format_value(value, width)[0]} ({format_interval((low, high), width)})"
 
 
 def _strips(rows: Sequence[Row]) -> list[list[int]]:

@@ -31,37 +31,20 @@ not send it, which Host and Origin judge alone."""
 
 
 @dataclass(frozen=True)
-class Refusal:
-    """Why a request is refused.
-
-    Attributes:
-        status: HTTP status.
-        words: What the user may do about it.
-    """
-
-    status: int
-    words: str
-
-
-@dataclass(frozen=True)
 class Ticket:
     """The secret of an address that others on the network can reach.
 
-    Attributes:
-        token: Stands in the address that is printed.
-        cookie: What the browser gets for it and sends from then on.
+    The token stands in the address that is printed; the browser gets the cookie for it, and sends
+    that from then on.
     """
 
     token: str = field(default_factory=lambda: secrets.token_urlsafe(32))
     cookie: str = field(default_factory=lambda: secrets.token_urlsafe(32))
 
-    def is_token(self, text: str) -> bool:
-        """Return whether a text is the token, in a time that does not depend on the text."""
-        return hmac.compare_digest(text.encode(), self.token.encode())
 
-    def is_cookie(self, text: str) -> bool:
-        """Return whether a text is the cookie's, in a time that does not depend on the text."""
-        return hmac.compare_digest(text.encode(), self.cookie.encode())
+def _is_same(text: str, secret: str) -> bool:
+    """Return whether a text is a secret, in a time that does not depend on the text."""
+    return hmac.compare_digest(text.encode(), secret.encode())
 
 
 @dataclass(frozen=True)
@@ -84,36 +67,28 @@ class Gate:
         """Name of the cookie; browsers share cookies between the ports of a host."""
         return f"heatrun-{self.port}"
 
-    def refusal(self, request: Any) -> Refusal | None:
-        """Return why a request is refused, None if it is let in.
-
-        Args:
-            request: Tornado's request, of which the headers and the connection count.
-        """
+    def refusal(self, request: Any) -> str:
+        """Return why a request of Tornado's is refused, and what the user may do; or nothing."""
         host = request.headers.get("Host", "").lower()
         if not self._is_own(host, request):
-            return Refusal(
-                403, "This host name is not served. Open the address that heatrun view printed."
-            )
+            return "This host name is not served. Open the address that heatrun view printed."
         # Websocket clients of before 2011 called it Sec-WebSocket-Origin; Tornado still reads it.
         for name in ("Origin", "Sec-WebSocket-Origin"):
             origin = request.headers.get(name)
             if origin is not None and origin.lower() != f"http://{host}":
-                return Refusal(403, "Requests of other pages are refused.")
+                return "Requests of other pages are refused."
         has_token = self.takes_token(request)
         if request.headers.get("Sec-Fetch-Site") not in OWN_SITES and not has_token:
-            return Refusal(
-                403,
+            return (
                 "Another page has sent you here, which is refused. Type the address that heatrun "
-                "view printed, or open it from a bookmark.",
+                "view printed, or open it from a bookmark."
             )
         if self.ticket is not None and not has_token and not self._has_cookie(request):
-            return Refusal(
-                403,
+            return (
                 "This address asks for its token. Open the whole address that heatrun view "
-                "printed, with ?token=….",
+                "printed, with ?token=…."
             )
-        return None
+        return ""
 
     def takes_token(self, request: Any) -> bool:
         """Return whether a request opens the page with the right token in its address.
@@ -128,16 +103,20 @@ class Gate:
         if request.headers.get("Sec-Fetch-Dest", "document") != "document":
             return False
         found = request.query_arguments.get("token", [])
-        return len(found) == 1 and self.ticket.is_token(found[0].decode("utf-8", "replace"))
+        return len(found) == 1 and _is_same(found[0].decode("utf-8", "replace"), self.ticket.token)
 
     def _has_cookie(self, request: Any) -> bool:
         assert self.ticket is not None
         found = request.cookies.get(self.cookie_name)
-        return found is not None and self.ticket.is_cookie(found.value)
+        return found is not None and _is_same(found.value, self.ticket.cookie)
 
     def _is_own(self, host: str, request: Any) -> bool:
-        name = _without_port(host, self.port)
-        if name is None:
+        is_plain = ":" not in host or host.endswith("]")
+        if host.endswith(f":{self.port}"):
+            name = host.removesuffix(f":{self.port}")
+        elif self.port == HTTP_PORT and is_plain:
+            name = host
+        else:
             return False
         if name in self.names:
             return True
@@ -147,14 +126,6 @@ class Gate:
             return False
         is_bracketed = name.startswith("[") and name.endswith("]")
         return is_bracketed == (asked.version == 6) and asked == _reached(request)
-
-
-def _without_port(host: str, port: int) -> str | None:
-    """Return the name of a Host header, None if its port is another one."""
-    if host.endswith(f":{port}"):
-        return host.removesuffix(f":{port}")
-    is_plain = ":" not in host or host.endswith("]")
-    return host if port == HTTP_PORT and is_plain else None
 
 
 def _reached(request: Any) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
@@ -192,10 +163,6 @@ def open_inside(root: Path, path: Path) -> BufferedReader:
 
     Links that stay inside the folder are followed: they are resolved first, and what comes of it
     is opened without any.
-
-    Args:
-        root: The folder, with links resolved.
-        path: The file.
 
     Raises:
         InputError: If it is none, or lies outside the folder by `..`, an absolute path or a link.
@@ -271,12 +238,7 @@ def _open_checked(root: Path, steps: tuple[str, ...]) -> int:
 
 
 def read_inside(root: Path, path: Path, max_bytes: int) -> bytes:
-    """Return the content of a regular file in a folder.
-
-    Args:
-        root: The folder, with links resolved.
-        path: The file.
-        max_bytes: Largest content [byte].
+    """Return the content of a regular file in a folder, of so many bytes at most.
 
     Raises:
         InputError: If it is none, lies outside the folder, cannot be read or is larger.
@@ -307,11 +269,7 @@ def is_inside(root: Path, path: Path) -> bool:
 def replace_inside(root: Path, path: Path, before: bytes, after: bytes) -> None:
     """Put another content into a regular file in a folder, whole or not at all.
 
-    Args:
-        root: The folder, with links resolved.
-        path: The file.
-        before: What it holds now; with anything else in it, it stays.
-        after: What it is to hold.
+    With anything but what it held before in it, it stays.
 
     Raises:
         InputError: If it is none, lies outside the folder, holds something else by now or cannot

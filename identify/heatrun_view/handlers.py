@@ -46,13 +46,10 @@ STEP_BYTES = 1 << 20
 
 
 def unpacked_bytes(content: Any) -> int:
-    """Return how many bytes the packed parts of a message hold.
+    """Return how many bytes the packed parts of a message's content as JSON hold.
 
     Bokeh unpacks them without a limit: 1.3 MB of text may become 1 GB, and a list may name
     thousands of them.
-
-    Args:
-        content: The message's content as JSON.
 
     Raises:
         ProtocolError: If there are more than `MAX_UNPACKED_BYTES`, or a part is damaged.
@@ -296,22 +293,9 @@ class StaticHandler(Guarded, StaticFileHandler):
 
     def initialize(self, package: str) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Take the package that the file belongs to."""
-        super().initialize(path=str(_folder_of(package)))
-
-
-class IconHandler(Guarded):
-    """The icon of the tab."""
-
-    def get(self) -> None:
-        """Send it."""
-        self.set_header("Content-Type", "image/x-icon")
-        self.finish(self.application.icon)  # pyright: ignore[reportAttributeAccessIssue]
-
-
-def _folder_of(package: str) -> Path:
-    if package == "bokeh":
-        return Path(settings.bokehjs_path()) / "js"
-    return Path(pn.__file__).parent / "dist"
+        of_panel = Path(pn.__file__).parent / "dist"
+        folder = Path(settings.bokehjs_path()) / "js" if package == "bokeh" else of_panel
+        super().initialize(path=str(folder))
 
 
 MAX_CONNECTIONS = 200
@@ -334,7 +318,6 @@ class ViewApplication(BokehTornado):
         super().__init__(
             apps,
             use_index=False,
-            ico_path=str(Path(pn.__file__).parent / "dist" / "images" / "favicon.ico"),
             # a session is opened by a page that this server has sent, and by nothing else
             sign_sessions=True,
             secret_key=secrets.token_bytes(32),
@@ -351,8 +334,8 @@ class ViewApplication(BokehTornado):
     def find_handler(self, request: Any, **keywords: Any) -> Any:
         """Judge a request and name what answers it; every request comes this way."""
         refusal = self._gate.refusal(request)
-        if refusal is not None:
-            arguments = {"status": refusal.status, "words": refusal.words}
+        if refusal:
+            arguments = {"status": 403, "words": refusal}
             return self.get_handler_delegate(request, Refused, arguments)
         if request.host.startswith("["):
             # Panel takes the host apart at its colons; the page knows its address by itself
@@ -371,7 +354,7 @@ class ViewApplication(BokehTornado):
         if request.path == "/ws":
             return SocketHandler, session, []
         if request.path == "/favicon.ico":
-            return IconHandler, {}, []
+            return StaticHandler, {"package": "panel"}, [b"images/favicon.ico"]
         path = unquote(request.path)
         for pattern, package in STATIC:
             found = pattern.fullmatch(path)
@@ -402,13 +385,7 @@ class BoundedServer(HTTPServer):
 
 
 def serve(page: Callable[[], Any], sockets: Sequence[Socket], gate: Gate) -> BaseServer:
-    """Return the server of a page, not started yet.
-
-    Args:
-        page: Makes the page of a tab.
-        sockets: Bound and listening.
-        gate: Judges requests.
-    """
+    """Return the server of a page, not started yet."""
     silence(EMPTY_LAYOUT, True)
     application = ViewApplication(build_applications({"/": page}, title="heatrun"), gate)
     http = BoundedServer(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from html import escape
 from typing import Any
 
@@ -25,7 +25,7 @@ from bokeh.plotting import figure
 from heatrun.io.quantities import printed_unit
 from heatrun.record.channels import CHANNELS
 
-from .look import INK, Look
+from .look import INK, WIDE, Look
 from .trace import (
     HELP,
     HOVER,
@@ -59,14 +59,13 @@ ROOM = 0.02
 
 @dataclass(frozen=True)
 class Told:
-    """Whom the plots tell of what the user does.
+    """Whom the plots tell of what the user does, and what the user can do, as HTML.
 
     Attributes:
         schedule: Gets a function when the window has changed; calls it soon, and once for many
             changes in a row.
         tapped: Gets the time [s] of a click, and whether shift was held.
         selected: Gets begin and end [s] of a selected window.
-        help: What the user can do, as HTML.
     """
 
     schedule: Callable[[Callable[[], None]], None]
@@ -75,15 +74,25 @@ class Told:
     help: str = HELP
 
 
+@dataclass
+class Line:
+    """A trace in a plot: the colour's number and dash of its line, its points, its sample."""
+
+    trace: Trace
+    colour: int
+    dash: str
+    source: ColumnDataSource = field(
+        default_factory=lambda: ColumnDataSource({"t": [], "v": []}, name="signal")
+    )
+    sample: Div = field(default_factory=lambda: Div(text=""))
+
+
 class Plots:
-    """Plots in a column.
+    """Plots in a column, and the table of values at the mouse.
 
     Attributes:
-        layout: The column.
-        readout: The table of values at the mouse.
         x_range: The time window that all share [s].
         cursors: Two times that are marked in all plots.
-        traces: The lines.
     """
 
     def __init__(
@@ -99,60 +108,57 @@ class Plots:
             height: Of all plots together [px].
             told: Whom to tell of clicks and selections.
         """
-        self.traces = list(traces)
-        self._bands, self._help = bands, told.help
-        self._colours = colours(traces, len(look.palette))
-        self._dashes = dashes(traces)
+        looks = zip(traces, colours(traces, len(look.palette)), dashes(traces), strict=True)
+        self._lines = [Line(*each) for each in looks]
+        self._help = told.help
         tests = tests_of(traces)
-        self._band_colours = [
-            tests.index(band.test) if len(tests) > 1 and band.test in tests else INK
+        self._bands = [
+            (band, tests.index(band.test) if len(tests) > 1 and band.test in tests else INK)
             for band in bands
         ]
-        self._sources = [ColumnDataSource({"t": [], "v": []}, name="signal") for _ in traces]
-        self._samples = [Div(text="") for _ in traces]
         start, end = _span(traces)
         self.x_range = Range1d(start=start, end=end, bounds=_bounds(start, end))
         self.x_range.reset_start, self.x_range.reset_end = start, end
         self.cursors = Cursors()
-        self.readout = Div(text="", sizing_mode="stretch_width", name="readout")
+        self.readout = Div(text="", sizing_mode=WIDE, name="readout")
         self._figures: dict[str, Any] = {}
         for unit in sorted({trace.unit for trace in traces}, key=_place):
             self._figures[unit] = self._figure(unit)
-        self._draw(look, told)
+        self._draw(told)
         self.layout = gridplot(
             [[plot] for plot in self._figures.values()], merge_tools=True,
-            sizing_mode="stretch_width", toolbar_location="right", toolbar_options={"logo": None},
+            sizing_mode=WIDE, toolbar_location="right", toolbar_options={"logo": None},
         )  # fmt: skip
         self.resize(height)
         self.paint(look)
         self.update()
+        for end_of in ("start", "end"):
+            self.x_range.on_change(end_of, lambda attr, old, new: told.schedule(self.update))
 
-        def changed(attr: str, old: float, new: float) -> None:
-            told.schedule(self.update)
-
-        self.x_range.on_change("start", changed)
-        self.x_range.on_change("end", changed)
+    @property
+    def traces(self) -> list[Trace]:
+        """The signals of the lines."""
+        return [line.trace for line in self._lines]
 
     @property
     def window(self) -> tuple[float, float]:
         """Begin and end of the time window [s]."""
-        return _number(self.x_range.start), _number(self.x_range.end)
+        start: Any = self.x_range.start
+        end: Any = self.x_range.end
+        return float(start), float(end)
 
     def update(self) -> None:
         """Send what the current window shows."""
-        for trace, source in zip(self.traces, self._sources, strict=True):
-            t, v = trace.window(*self.window, NUM_POINTS)
-            source.data = {"t": t, "v": v}
+        for line in self._lines:
+            t, v = line.trace.window(*self.window, NUM_POINTS)
+            line.source.data = {"t": t, "v": v}
 
     def grow(self, traces: Sequence[Trace]) -> None:
-        """Show the same signals with more readings; a window at their end goes with it.
-
-        Args:
-            traces: Of the same tests and channels, in the same order.
-        """
+        """Show the same signals with more readings; a window at their end goes with it."""
         first, last = _span(self.traces)
         start, end = self.window
-        self.traces = list(traces)
+        for line, trace in zip(self._lines, traces, strict=True):
+            line.trace = trace
         new_first, new_last = _span(traces)
         is_whole = start <= first + AT_END * (last - first)
         is_at_end = end >= last - AT_END * (end - start)
@@ -164,21 +170,12 @@ class Plots:
         self.update()
 
     def move_to(self, start: float, end: float) -> None:
-        """Show another window.
-
-        Args:
-            start: Its begin [s].
-            end: Its end [s].
-        """
+        """Show another window [s]."""
         self.x_range.update(start=start, end=end)
         self.update()
 
     def resize(self, height: int) -> None:
-        """Share a height among the plots; that of temperatures gets twice as much.
-
-        Args:
-            height: Of all plots together [px].
-        """
+        """Share a height [px] among the plots; that of temperatures gets twice as much."""
         shares = {unit: 2.0 if unit == "degC" else 1.0 for unit in self._figures}
         each = (height - AXIS_PX) / sum(shares.values())
         for unit, plot in self._figures.items():
@@ -186,31 +183,24 @@ class Plots:
             plot.height = round(wanted) + (AXIS_PX if plot.xaxis.visible else 0)
 
     def paint(self, look: Look) -> None:
-        """Show everything in other colours.
-
-        Args:
-            look: The colours.
-        """
+        """Show everything in other colours."""
         for plot in self._figures.values():
             paint(plot, look)
         self.cursors.paint(look)
         rows = ""
-        for trace, colour, dash, piece in zip(
-            self.traces, self._colours, self._dashes, self._samples, strict=True
-        ):
-            piece.text = sample(look.colour(colour), dash)
-            rows += f"<tr><td>{piece.text} {escape(label_of(trace, self.traces))}</td></tr>"
-        rows += "".join(
-            f"<tr><td>{sample(look.colour(colour), _dash_of(colour))} "
-            f"{escape(band.label)}</td></tr>"
-            for band, colour in zip(self._bands, self._band_colours, strict=True)
-        )
+        for line in self._lines:
+            line.sample.text = sample(look.colour(line.colour), line.dash)
+            name = escape(label_of(line.trace, self.traces))
+            rows += f"<tr><td>{line.sample.text} {name}</td></tr>"
+        for band, colour in self._bands:
+            piece = sample(look.colour(colour), _dash_of(colour))
+            rows += f"<tr><td>{piece} {escape(band.label)}</td></tr>"
         self.readout.text = f"<table>{rows}</table>{self._help}"
         self.readout.tags = [self.readout.text]
 
     def _figure(self, unit: str) -> Any:
         plot = figure(
-            width=NARROWEST_PX, height=LEAST_PX, sizing_mode="stretch_width", x_range=self.x_range,
+            width=NARROWEST_PX, height=LEAST_PX, sizing_mode=WIDE, x_range=self.x_range,
             y_axis_label=f"[{printed_unit(unit)}]" if unit else None,
             tools="xpan,xwheel_zoom,xbox_zoom,box_zoom,reset,save", active_scroll="xwheel_zoom",
             active_drag="xbox_zoom", output_backend="canvas", min_border_left=70,
@@ -221,39 +211,29 @@ class Plots:
         plot.xaxis.visible = False
         return plot
 
-    def _draw(self, look: Look, told: Told) -> None:
+    def _draw(self, told: Told) -> None:
         """Fill the plots and connect them."""
         last = list(self._figures.values())[-1]
         last.xaxis.visible = True
         if "degC" in self._figures:
-            for band, colour in zip(self._bands, self._band_colours, strict=True):
+            for band, colour in self._bands:
                 draw_band(self._figures["degC"], band, colour)
+        traces = self.traces
+        drawn = [
+            self._figures[line.trace.unit].line(
+                "t", "v", source=line.source, line_dash=line.dash, line_width=1.5,
+                tags=[line.colour],
+            )
+            for line in self._lines
+        ]  # fmt: skip
+        add_legends(self._figures, traces, drawn, [line.dash for line in self._lines])
         lines = [
-            self._figures[trace.unit].line(
-                "t", "v", source=source, line_dash=dash, line_width=1.5, tags=[colour]
-            )
-            for trace, colour, dash, source in zip(
-                self.traces, self._colours, self._dashes, self._sources, strict=True
-            )
-        ]
-        add_legends(self._figures, self.traces, lines, self._dashes)
+            [escape(label_of(line.trace, traces)), escape(line.trace.printed_unit), line.sample,
+             line.source]
+            for line in self._lines
+        ]  # fmt: skip
         hover = CustomJS(
-            args={
-                "lines": [
-                    [
-                        escape(label_of(trace, self.traces)),
-                        escape(trace.printed_unit),
-                        piece,
-                        source,
-                    ]
-                    for trace, piece, source in zip(
-                        self.traces, self._samples, self._sources, strict=True
-                    )
-                ],
-                "readout": self.readout,
-                "x_range": self.x_range,
-            },
-            code=HOVER,
+            args={"lines": lines, "readout": self.readout, "x_range": self.x_range}, code=HOVER
         )
         leave = CustomJS(args={"readout": self.readout}, code="readout.text = readout.tags[0];")
         for plot in self._figures.values():
@@ -276,10 +256,6 @@ def _has_shift(event: Any) -> bool:
     if isinstance(modifiers, dict):
         return bool(modifiers.get("shift"))
     return bool(getattr(modifiers, "shift", False))
-
-
-def _number(value: Any) -> float:
-    return float(value)
 
 
 def _span(traces: Sequence[Trace]) -> tuple[float, float]:
@@ -307,11 +283,9 @@ class Band:
     Attributes:
         label: For the legend.
         time_s: Times [s], shape (block,).
-        median: Predicted reading [degC], shape (block,).
-        low: Lower limit [degC], shape (block,).
-        high: Upper limit [degC], shape (block,).
+        median: Predicted reading [degC], shape as `time_s`; so have its limits.
         test: The test that it belongs to.
-        measured: Measured means of the blocks [degC], NaN where there is none, shape (block,).
+        measured: Measured means of the blocks [degC], NaN where there is none.
     """
 
     label: str
@@ -324,13 +298,7 @@ class Band:
 
 
 def draw_band(plot: Any, band: Band, colour: int) -> None:
-    """Draw a band into the plot of temperatures.
-
-    Args:
-        plot: A figure.
-        band: The band.
-        colour: Number of its colour.
-    """
+    """Draw a band into the plot of temperatures, in the colour of a number."""
     source = ColumnDataSource(
         {"t": band.time_s, "v": band.median, "low": band.low, "high": band.high}, name="band"
     )
@@ -344,9 +312,6 @@ def _dash_of(colour: int) -> str:
     return "solid" if colour == INK else "dotted"
 
 
-NAMES = ("A", "B")
-
-
 class Cursors:
     """Two cursors and the line that goes with the mouse.
 
@@ -357,32 +322,25 @@ class Cursors:
     def __init__(self) -> None:
         self.times_s: list[float | None] = [None, None]
         self._mouse = Span(dimension="height", line_alpha=0.4, line_dash="dashed")
-        self._marks: tuple[list[Span], list[Span]] = ([], [])
-        self._labels: tuple[list[Label], list[Label]] = ([], [])
+        self._marks: tuple[list[tuple[Span, Label]], ...] = ([], [])
 
     def mark(self, plot: Any) -> None:
         """Let a plot show the cursors."""
         plot.add_tools(CrosshairTool(overlay=self._mouse))
-        for name, marks, labels in zip(NAMES, self._marks, self._labels, strict=True):
-            marks.append(Span(dimension="height", line_width=1.5, visible=False))
-            labels.append(
-                Label(
-                    x=0, y=2, y_units="screen", text=name, x_offset=3, visible=False,
-                    text_font_size="12px", text_font_style="bold",
-                )
+        for name, marks in zip(("A", "B"), self._marks, strict=True):
+            mark = Span(dimension="height", line_width=1.5, visible=False)
+            label = Label(
+                x=0, y=2, y_units="screen", text=name, x_offset=3, visible=False,
+                text_font_size="12px", text_font_style="bold",
             )  # fmt: skip
-            plot.add_layout(marks[-1])
-            plot.add_layout(labels[-1])
+            plot.add_layout(mark)
+            plot.add_layout(label)
+            marks.append((mark, label))
 
     def set(self, number: int, time_s: float | None) -> None:
-        """Put a cursor somewhere, or take it away.
-
-        Args:
-            number: 0 for A, 1 for B.
-            time_s: Where [s]; None for nowhere.
-        """
+        """Put cursor A (0) or B (1) somewhere [s], or take it away."""
         self.times_s[number] = time_s
-        for mark, label in zip(self._marks[number], self._labels[number], strict=True):
+        for mark, label in self._marks[number]:
             if time_s is not None:
                 mark.location, label.x = time_s, time_s
             mark.visible = label.visible = time_s is not None
@@ -390,6 +348,6 @@ class Cursors:
     def paint(self, look: Look) -> None:
         """Show them in other colours."""
         self._mouse.line_color = look.ink
-        for marks, labels, colour in zip(self._marks, self._labels, look.cursors, strict=True):
-            for mark, label in zip(marks, labels, strict=True):
+        for marks, colour in zip(self._marks, look.cursors, strict=True):
+            for mark, label in marks:
                 mark.line_color = label.text_color = colour

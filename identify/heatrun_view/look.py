@@ -15,16 +15,11 @@ from bokeh.models import CustomJS, Div
 
 @dataclass(frozen=True)
 class Look:
-    """Colours of a page.
+    """Colours of a page: background of page and plots, text and axes, grid lines, cursors A and B.
 
     Attributes:
-        is_dark: Whether light stands on dark.
         palette: Colours of the channels; the first eight are told apart with the common colour
             blindnesses, the others are darker or lighter ones of them.
-        paper: Background of page and plots.
-        ink: Text and axes.
-        faint: Grid lines.
-        cursors: Of cursors A and B.
     """
 
     is_dark: bool
@@ -67,6 +62,9 @@ DARK = Look(
 
 DASHES = ("solid", "dashed", "dotted", "dotdash", "dashdot")
 """Dashes of the first, second, … of signals in one plot, where colours tell tests apart."""
+
+WIDE: Any = "stretch_width"
+"""How parts take all the width that there is."""
 
 FONT = "system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', sans-serif"
 
@@ -179,14 +177,27 @@ PANE_CSS = (
 
 
 def text_pane(html: str = "", **options: Any) -> pn.pane.HTML:
-    """Return a pane of text in the page's style.
-
-    Args:
-        html: What stands in it; what comes from files must be escaped.
-        options: Of Panel's pane.
-    """
-    options = {"sizing_mode": "stretch_width", "min_height": 0, **options}
+    """Return a pane of text in the page's style; what comes from files must be escaped."""
+    options = {"sizing_mode": WIDE, "min_height": 0, **options}
     return pn.pane.HTML(html, stylesheets=[PANE_CSS], **options)
+
+
+def stacked(*parts: Any, **options: Any) -> pn.Column:
+    """Return parts below each other, as wide as the page."""
+    return pn.Column(*parts, sizing_mode=WIDE, **options)
+
+
+def button(name: str, act: Callable[[], Any], width: int | None = None, **options: Any) -> Any:
+    """Return a button that does something."""
+    made = pn.widgets.Button(name=name, width=width, **options)
+    made.on_click(lambda _: act())
+    return made
+
+
+def on_change(act: Callable[[], Any], *widgets: Any) -> None:
+    """Do something when the value of a widget changes."""
+    for widget in widgets:
+        widget.param.watch(lambda _: act(), "value")
 
 
 TELL = """
@@ -218,12 +229,9 @@ SMALLEST_PX, LARGEST_PX = 200, 10_000
 
 @dataclass(frozen=True)
 class Screen:
-    """What the browser looks like.
+    """What the browser looks like: colours, width and height of its window [px].
 
     Attributes:
-        look: Colours.
-        width: Of its window [px].
-        height: Of its window [px].
         is_chosen: The colours were chosen with the page's button.
     """
 
@@ -234,11 +242,7 @@ class Screen:
 
     @classmethod
     def of(cls, told: object) -> Screen | None:
-        """Return what the page has told, None if that is nothing it would tell.
-
-        Args:
-            told: Whatever came.
-        """
+        """Return what the page has told, None if that is nothing it would tell."""
         if not isinstance(told, list) or len(told) != 4:
             return None
         if not all(isinstance(each, int) and 0 <= each <= LARGEST_PX for each in told):

@@ -42,10 +42,6 @@ WIDEST = 160
 def text_of_file(data: bytes, where: str) -> str:
     """Return the text of a file as a browser has it: without a mark in front, lines ended by LF.
 
-    Args:
-        data: The bytes of the file; it need not be TOML.
-        where: The file, for messages.
-
     Raises:
         InputError: If it is no UTF-8 text.
     """
@@ -57,11 +53,7 @@ def text_of_file(data: bytes, where: str) -> str:
 
 
 def file_of_text(text: str, before: bytes) -> bytes:
-    """Return the bytes of a text, with mark and line ends as the file has them.
-
-    Args:
-        text: As the browser has it.
-        before: The file; where it has several kinds of line ends, the most frequent one counts.
+    """Return the bytes of a text, with mark and, most frequent, line ends as the file has them.
 
     Raises:
         InputError: If it is no Unicode text.
@@ -79,23 +71,15 @@ def file_of_text(text: str, before: bytes) -> bytes:
 
 
 def has_mixed_ends(data: bytes) -> bool:
-    """Return whether a file ends its lines in several ways.
-
-    Args:
-        data: UTF-8 text.
-    """
+    """Return whether a file ends its lines in several ways."""
     return len(set(LINE_END.findall(data.decode("utf-8-sig")))) > 1
 
 
 def line_of(text: str, error: InputError) -> int | None:
-    """Return the line that an error is about, counted from 1; None where it cannot be told.
+    """Return the line that an error of `parse_motor` is about, counted from 1; None for none.
 
     The parser names a line where the text is no TOML. Every other error names a section, and
     mostly a key of it, or puts the word in quotes that is at fault.
-
-    Args:
-        text: Of the motor file.
-        error: As `heatrun.motor.file.parse_motor` has raised it.
     """
     lines = text.split("\n")
     headers = [(number, path) for number, line in enumerate(lines) if (path := _header(line))]
@@ -120,12 +104,7 @@ def line_of(text: str, error: InputError) -> int | None:
 
 
 def fault_html(text: str, error: InputError) -> str:
-    """Return what is wrong with a text, with the line where that is, as HTML.
-
-    Args:
-        text: Of the motor file.
-        error: As `line_of`.
-    """
+    """Return what is wrong with the text of a motor file, with the line where that is, as HTML."""
     number = line_of(text, error)
     lines = text.split("\n")
     if number is None or number > len(lines):
@@ -163,9 +142,6 @@ def _key(line: str) -> str:
 def read_motor_file(path: Path) -> bytes:
     """Return the content of a motor file.
 
-    Args:
-        path: The file, as the page has found it in one of its folders.
-
     Raises:
         InputError: If it is no regular file any more, cannot be read or is too large.
     """
@@ -173,13 +149,9 @@ def read_motor_file(path: Path) -> bytes:
 
 
 def write_motor_file(root: Path, path: Path, before: bytes, after: bytes) -> None:
-    """Put another content into a motor file, whole or not at all.
+    """Put another content into a motor file in the folder that is shown, whole or not at all.
 
-    Args:
-        root: The folder that is shown, with links resolved; nothing is written outside it.
-        path: The file.
-        before: What it holds; with anything else in it, it stays.
-        after: What it is to hold.
+    With anything but what it held before in it, it stays.
 
     Raises:
         InputError: If it was sent to the page, or as `heatrun_view.gate.replace_inside`.
@@ -196,11 +168,6 @@ def write_motor_file(root: Path, path: Path, before: bytes, after: bytes) -> Non
 
 def create_motor_file(root: Path, name: str, content: bytes) -> None:
     """Write a motor file that is not there yet.
-
-    Args:
-        root: The folder that is shown, with links resolved.
-        name: Of the file, without a folder.
-        content: What it holds; it loads.
 
     Raises:
         InputError: If there is a file of this name, it is no motor file or cannot be written.
@@ -224,10 +191,6 @@ def create_motor_file(root: Path, name: str, content: bytes) -> None:
 def refuse_sent(root: Path, path: Path) -> None:
     """Refuse to write a motor file that is none of the folder that is shown.
 
-    Args:
-        root: The folder, with links resolved.
-        path: The file.
-
     Raises:
         InputError: If it lies elsewhere.
     """
@@ -247,11 +210,6 @@ USE = "use"
 def windows_of(data: bytes, name: str, where: str) -> list[Window]:
     """Return the windows that a motor file has for a test, [s]; none where all of it is used.
 
-    Args:
-        data: Content of the motor file.
-        name: The test.
-        where: The file, for messages.
-
     Raises:
         InputError: If the file is no motor file, or says the parts of the test in rows.
     """
@@ -268,12 +226,7 @@ def windows_of(data: bytes, name: str, where: str) -> list[Window]:
 
 
 def with_window(windows: Sequence[Window], window: Window) -> list[Window]:
-    """Return windows with one more; those that touch become one.
-
-    Args:
-        windows: In any order [s].
-        window: Begin and end [s].
-    """
+    """Return windows [s] with one more; those that touch become one."""
     merged: list[Window] = []
     for start, end in sorted([*windows, window]):
         if merged and start <= merged[-1][1]:
@@ -284,12 +237,7 @@ def with_window(windows: Sequence[Window], window: Window) -> list[Window]:
 
 
 def without_window(windows: Sequence[Window], window: Window) -> list[Window]:
-    """Return windows without the times of one.
-
-    Args:
-        windows: In any order [s].
-        window: Begin and end [s] of what is left out.
-    """
+    """Return windows [s] without the times of one."""
     left_start, left_end = window
     pieces = [
         piece
@@ -300,26 +248,15 @@ def without_window(windows: Sequence[Window], window: Window) -> list[Window]:
 
 
 def windows_text(name: str, windows: Sequence[Window]) -> str:
-    """Return the lines of the motor file for the windows of a test.
-
-    Args:
-        name: The test.
-        windows: Begin and end of each [s].
-    """
+    """Return the lines of the motor file for the windows [s] of a test."""
     return f"{table_header('tests', name)}\n{USE} = {_value(windows)}\n"
 
 
 def write_windows(data: bytes, name: str, windows: Sequence[Window], where: str) -> bytes:
-    """Return a motor file with other windows for a test.
+    """Return a motor file with other windows [s], at least one, for a test.
 
     The rest of the file stays as it is, byte for byte: the text of the windows is put in, and what
     comes of it is parsed and held against what it should say.
-
-    Args:
-        data: Its content.
-        name: The test.
-        windows: Begin and end of each [s]; at least one.
-        where: The file, for messages.
 
     Raises:
         InputError: If the file is no motor file or would be none with them, or gives them in a form
@@ -329,11 +266,7 @@ def write_windows(data: bytes, name: str, windows: Sequence[Window], where: str)
     wanted = _wanted(before, name, windows)
     text = data.decode("utf-8")
     for candidate in _candidates(text, name, windows):
-        try:
-            found = tomllib.loads(candidate.removeprefix("\ufeff"))
-        except tomllib.TOMLDecodeError:
-            continue
-        if found == wanted:
+        if _loaded(candidate.removeprefix("\ufeff")) == wanted:
             changed = candidate.encode("utf-8")
             parse_motor(changed, where)
             return changed
@@ -360,7 +293,8 @@ def _candidates(text: str, name: str, windows: Sequence[Window]) -> Iterator[str
     position = 0
     for number, line in enumerate(lines):
         position += len(line)
-        if not _is_header(line, name):
+        header = line.removeprefix("\ufeff").strip()
+        if not header.startswith("[") or _loaded(header) != {"tests": {name: {}}}:
             continue
         yield from _replaced(text, lines, number, position, windows)
         gap = "" if line.endswith(("\n", "\r")) else end
@@ -379,7 +313,7 @@ def _replaced(
             start = position + len(key) + 1
             close = text.find("]", start)
             while close >= 0:
-                if _is_value(text[start : close + 1]):
+                if _loaded(f"{USE} ={text[start : close + 1]}") is not None:
                     yield f"{text[:start]} {_value(windows)}{text[close + 1 :]}"
                     return
                 close = text.find("]", close + 1)
@@ -387,26 +321,13 @@ def _replaced(
         position += len(line)
 
 
-def _is_header(line: str, name: str) -> bool:
-    if not line.lstrip("\ufeff \t").startswith("["):
-        return False
+def _loaded(text: str) -> dict[str, Any] | None:
     try:
-        return tomllib.loads(line.removeprefix("\ufeff").strip()) == {"tests": {name: {}}}
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError:
-        return False
-
-
-def _is_value(text: str) -> bool:
-    try:
-        tomllib.loads(f"{USE} ={text}")
-    except tomllib.TOMLDecodeError:
-        return False
-    return True
+        return None
 
 
 def _value(windows: Sequence[Window]) -> str:
-    return "[" + ", ".join(f"[{_number(start)}, {_number(end)}]" for start, end in windows) + "]"
-
-
-def _number(value: float) -> str:
-    return str(round(float(value), 3)).removesuffix(".0")
+    numbers = ([str(round(float(at), 3)).removesuffix(".0") for at in each] for each in windows)
+    return f"[{', '.join(f'[{start}, {end}]' for start, end in numbers)}]"

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import traceback
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from html import escape
 from pathlib import Path
@@ -19,18 +19,13 @@ from heatrun.readers.mapping import HEAD, describe_columns, grouped
 from heatrun.record.motor import Motor, PartsOfTest
 from heatrun.record.record import Finding, Record
 
-from .store import Opened, RecordStore, Stamp
-from .words import error_message, findings_html, message, table
+from .store import NOTHING, Opened, RecordStore, Stamp
+from .words import findings_html, message, problem, table
 
 
 @dataclass(frozen=True)
 class Refused:
-    """A file that could not be read.
-
-    Attributes:
-        stamp: Its state at that time.
-        problem: Why, as HTML.
-    """
+    """A file that could not be read: its state at that time, and why, as HTML."""
 
     stamp: Stamp
     problem: str
@@ -38,13 +33,10 @@ class Refused:
 
 @dataclass(frozen=True)
 class Reading:
-    """What became of the chosen tests.
+    """What became of the chosen tests, by the names of the page; why some are refused, as HTML.
 
     Attributes:
-        opened: Those that could be read, by the names of the page.
-        problems: Why the others could not, as HTML.
         checks: Findings and how the files were read, as HTML; None where they were not checked.
-        refused: The files that could not be read, by the names of the page.
     """
 
     opened: Mapping[str, Opened]
@@ -70,27 +62,19 @@ class Reader:
     def read(self, names: Sequence[str], motor_name: str | None) -> Reading:
         """Read and check tests; one that cannot be read is named, and the others are.
 
-        Of a text file that is written meanwhile the whole lines are taken.
-
-        Args:
-            names: Tests as the page lists them.
-            motor_name: The motor file as the page lists it, or None.
+        Of a text file that is written meanwhile the whole lines are taken. Tests and motor file are
+        named as the page lists them.
         """
         with opening_by(self.opener):
             try:
-                motor = self._motor(motor_name)
+                motor = None if motor_name is None else self.motor(motor_name)
             except Exception as error:
                 fault = message("warning", "The motor file is at fault.")
                 return Reading({}, problem(str(motor_name), error), fault)
         return self._read(names, motor)
 
     def check(self, names: Sequence[str], motor: Motor) -> str:
-        """Return what a machine that stands in no file yet finds in tests, as HTML.
-
-        Args:
-            names: As `read`.
-            motor: The machine.
-        """
+        """Return what a machine that stands in no file yet finds in tests, as HTML."""
         reading = self._read(names, motor)
         return reading.problems + (reading.checks or "")
 
@@ -100,7 +84,7 @@ class Reader:
         findings = []
         with opening_by(self.opener):
             for name in names:
-                stamp = Stamp(-1, -1)
+                stamp = NOTHING
                 try:
                     path = self.path(name)
                     stamp = Stamp.of(path)
@@ -114,22 +98,17 @@ class Reader:
         return Reading(opened, problems, checks, refused)
 
     def follow(self, before: Mapping[str, Opened | Refused], motor_name: str | None) -> Reading:
-        """Read what has been written to tests; one that cannot be read stays as it was.
-
-        Args:
-            before: The tests by the names of the page, as they were read last or could not be.
-            motor_name: As `read`.
-        """
+        """Read what has been written to tests; one that cannot be read stays as it was."""
         opened = {name: each for name, each in before.items() if isinstance(each, Opened)}
         refused = {name: each for name, each in before.items() if isinstance(each, Refused)}
         problems: list[str] = []
         with opening_by(self.opener):
             try:
-                motor = self._motor(motor_name)
+                motor = None if motor_name is None else self.motor(motor_name)
             except Exception as error:
                 return Reading(opened, problem(str(motor_name), error), None, refused)
             for name, last in before.items():
-                stamp = Stamp(-1, -1)
+                stamp = NOTHING
                 try:
                     path = self.path(name)
                     stamp = Stamp.of(path)
@@ -168,41 +147,21 @@ class Reader:
         """
         return load_motor(self.path(name))
 
-    def _motor(self, name: str | None) -> Motor | None:
-        return None if name is None else self.motor(name)
-
     def _open(self, path: Path, motor: Motor | None, stamp: Stamp) -> Opened:
         try:
             return self.store.open(path, motor)
         except InputError as error:
             if Stamp.of(path) == stamp:
                 raise
-            try:
+            with suppress(NotFollowed):
                 return self.store.follow(path, motor, self.opener)
-            except NotFollowed:
-                raise error from None
+            raise error
 
     def _followed(self, path: Path, motor: Motor | None) -> Opened:
         try:
             return self.store.follow(path, motor, self.opener)
         except NotFollowed:
             return self.store.open(path, motor)
-
-
-def problem(name: str, error: Exception) -> str:
-    """Return what went wrong with a file as HTML; what is not the file's fault is printed too.
-
-    Args:
-        name: The file as the page lists it.
-        error: What was raised.
-    """
-    if isinstance(error, InputError):
-        return error_message(error)
-    if isinstance(error, MemoryError):
-        return message("error", f"{name}: there is not enough memory to read it.")
-    traceback.print_exception(error)
-    words = f"{name}: internal error ({error!r:.200}); the details are in the terminal."
-    return message("error", words)
 
 
 def _found(record: Record, motor: Motor) -> list[Finding]:
@@ -214,16 +173,13 @@ def _found(record: Record, motor: Motor) -> list[Finding]:
 def _checks(opened: Sequence[Opened], motor: Motor | None, findings: Sequence) -> str:
     if not opened:
         return message("note", "Choose tests in the side panel.")
-    parts = [each.record.name for each in opened if each.is_part]
-    said = (
-        message(
+    parts, said = [each.record.name for each in opened if each.is_part], ""
+    if parts:
+        said = message(
             "note",
             f"{', '.join(parts)}: the file was being written; this is about its lines so far. "
             "“Look again” checks it anew.",
         )
-        if parts
-        else ""
-    )
     if motor is None:
         return said + message("warning", "Choose a motor file: checks need it.") + _notes(opened)
     return said + findings_html(findings) + _notes(opened)

@@ -45,15 +45,8 @@ KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
 
 @dataclass
 class Job:
-    """A command on its way.
-
-    Attributes:
-        words: The words after `heatrun`.
-        state: How far it is.
-        share: Share done [1].
-        doing: What it is at.
-        lines: Its messages, the last `NUM_LINES`.
-        output: What it printed as JSON, once it is done.
+    """A command on its way: the words after `heatrun`, the share done [1], what it is at, its last
+    messages, and once it is done what it printed as JSON.
     """
 
     words: tuple[str, ...]
@@ -86,10 +79,7 @@ class JobQueue:
         atexit.register(self.close)
 
     def submit(self, words: Sequence[str]) -> Job:
-        """Queue a command; one that is the same and not over yet is shared, not run twice.
-
-        Args:
-            words: The words after `heatrun`; `--json` is added.
+        """Queue a command, the words after `heatrun`; one that is not over yet is shared.
 
         Raises:
             InputError: If `MAX_JOBS` commands wait.
@@ -120,9 +110,7 @@ class JobQueue:
         ignored. Nothing is lost: a run folder bears the end of its process at any moment.
         """
         with self._changed:
-            if job.state == "waiting":
-                job.state = "cancelled"
-            elif job.state == "running":
+            if not job.is_over:
                 job.state = "cancelled"
                 if job.process is not None:
                     _signal(job.process, signal.SIGTERM)
@@ -147,11 +135,8 @@ class JobQueue:
     def _next(self) -> Job | None:
         """Forget what is over and return the first command that waits."""
         self._jobs = [job for job in self._jobs if not job.is_over]
-        return (
-            None
-            if self._is_closed
-            else next((job for job in self._jobs if job.state == "waiting"), None)
-        )
+        waiting = (job for job in self._jobs if job.state == "waiting")
+        return None if self._is_closed else next(waiting, None)
 
     def _work(self) -> None:
         while True:
@@ -172,12 +157,7 @@ def _start(words: Sequence[str]) -> subprocess.Popen[str]:
         text=True,
         encoding="utf-8",
         errors="replace",
-        env={
-            **os.environ,
-            PROGRESS: "json",
-            "PYTHONIOENCODING": "utf-8",
-            SERVER: str(os.getpid()),
-        },
+        env=os.environ | {PROGRESS: "json", "PYTHONIOENCODING": "utf-8", SERVER: str(os.getpid())},
         start_new_session=True,
     )
 
@@ -218,12 +198,10 @@ def _follow(job: Job) -> None:
 
 def _take(job: Job, line: str) -> None:
     if line.startswith('{"share"'):
-        try:
+        with suppress(ValueError, KeyError, TypeError):
             told = json.loads(line)
             job.share, job.doing = float(told["share"]), str(told["doing"])
             return
-        except (ValueError, KeyError, TypeError):
-            pass
     if line.strip():
         job.lines.append(line)
 

@@ -27,10 +27,9 @@ from heatrun.runs.run_folder import MANIFEST
 from .fleets import MACHINES
 from .gate import is_inside, read_inside
 from .linked import Band
-from .look import text_pane
-from .reading import problem
+from .look import WIDE, stacked, text_pane
 from .store import Opened, Stamp
-from .words import error_message, message
+from .words import error_message, message, problem
 
 DOWNLOADS = ("sheet.pdf", "sheet.xlsx", "sheet.json", "fit.json", "discovery.pdf", "discovery.json")
 """Files of a run that the page hands out."""
@@ -44,12 +43,7 @@ MAX_RUNS = 500
 
 @dataclass(frozen=True)
 class Run:
-    """A whole run folder.
-
-    Attributes:
-        path: The folder, with links resolved.
-        root: The folder that is shown or that runs go to, outside of which nothing is read.
-    """
+    """A whole run folder; outside the folder that is shown or that runs go to nothing is read."""
 
     path: Path
     root: Path
@@ -57,7 +51,10 @@ class Run:
     @property
     def discovery(self) -> DiscoveryResult | None:
         """What `heatrun discover` found, or None."""
-        return _discovery(self.path, self.root, self.stamp)
+        try:
+            return None if self.opened is None else self.opened.discovery
+        except (ValueError, LookupError, TypeError, RecursionError):  # InputError too
+            return None
 
     @property
     def calibration(self) -> FitResult | None:
@@ -111,35 +108,27 @@ class Run:
         return found
 
     def band(self, number: int, test: str) -> Band | None:
-        """Return the predicted course of the last network; None where there is none.
-
-        Args:
-            number: Of the test in the run, counted from 1.
-            test: How it is called.
+        """Return the predicted course of the last network for a test of the run, counted from 1;
+        None where there is none.
         """
-        file = self.path / course_name(number)
+        if self.opened is None:
+            return None
+        order = self.opened.networks[-1]
+        courses = (f"{order}_{part}_degC" for part in ("winding", "total_95_low", "total_95_high"))
         try:
-            course = pd.read_csv(io.BytesIO(self.read(file)))
-        except (OSError, ValueError):
+            table = pd.read_csv(io.BytesIO(self.read(self.path / course_name(number))))
+            time_s, median, low, high, measured = (
+                table[name].to_numpy(float) for name in ("time_s", *courses, "measured_degC")
+            )
+        except (OSError, ValueError, LookupError):  # damaged
             return None
-        order = next(
-            (c.removesuffix("_residual_K") for c in reversed(course.columns)
-             if c.endswith("_residual_K")), ""
-        )  # fmt: skip
-        columns = [f"{order}_winding_degC", f"{order}_total_95_low_degC",
-                   f"{order}_total_95_high_degC", "measured_degC"]  # fmt: skip
-        if "time_s" not in course or any(name not in course for name in columns):
-            return None
-        median, low, high, measured = (course[name].to_numpy(float) for name in columns)
         label = f"simulated, 95 % ({order}) · {test}"
-        return Band(label, course["time_s"].to_numpy(float), median, low, high, test, measured)
+        return Band(label, time_s, median, low, high, test, measured)
 
 
 def runs_under(places: Sequence[tuple[Path, Path]]) -> list[Run]:
-    """Return the run folders directly in some folders, the youngest first.
-
-    Args:
-        places: Folders, each with the one that its runs must lie in.
+    """Return the runs directly in some folders, each with the one that it must lie in, the youngest
+    first.
     """
     found = {
         Run(path.parent.resolve(), root.resolve())
@@ -154,10 +143,8 @@ def runs_under(places: Sequence[tuple[Path, Path]]) -> list[Run]:
 def last_motor(runs: Sequence[Run], motors: Mapping[str, Path]) -> str | None:
     """Return the name of the motor file that was used last; None where no run used any of them.
 
-    Args:
-        runs: The youngest first.
-        motors: Motor files by name. A run keeps the path that it was given, which may be relative
-            to another folder than the present one.
+    The youngest run comes first. A run keeps the path that it was given, which may be relative to
+    another folder than the present one.
     """
     for run in runs:
         result = run.calibration
@@ -178,22 +165,8 @@ def _opened(path: Path, root: Path, stamp: Stamp) -> OpenedRun | None:
         return None
 
 
-def _discovery(path: Path, root: Path, stamp: Stamp) -> DiscoveryResult | None:
-    opened = _opened(path, root, stamp)
-    try:
-        return None if opened is None else opened.discovery
-    except (ValueError, LookupError, TypeError, RecursionError):  # InputError too
-        return None
-
-
 def download(path: Path, root: Path, *, width: int) -> pn.widgets.FileDownload:
-    """Return a button that hands out a file.
-
-    Args:
-        path: The file.
-        root: The folder outside of which nothing is read, with links resolved.
-        width: Of the button [px].
-    """
+    """Return a button that hands out a file; outside the root nothing is read."""
 
     def content() -> io.BytesIO:
         try:
@@ -245,17 +218,8 @@ def run_view(
     except Exception as error:  # a result of another version, or a damaged one
         head, said = "", problem(run.path.name, error)
     files = [download(path, run.root, width=155) for path in run.downloads()]
-    figures = [
-        pn.pane.HTML(_figure(run, path), sizing_mode="stretch_width") for path in run.figures()
-    ]
-    return pn.Column(
-        text_pane(head),
-        pn.FlexBox(*files),
-        figure,
-        text_pane(said),
-        *figures,
-        sizing_mode="stretch_width",
-    )
+    figures = [pn.pane.HTML(_figure(run, path), sizing_mode=WIDE) for path in run.figures()]
+    return stacked(text_pane(head), pn.FlexBox(*files), figure, text_pane(said), *figures)
 
 
 def _figure(run: Run, path: Path) -> str:
@@ -274,11 +238,6 @@ def _figure(run: Run, path: Path) -> str:
 def typed_number(text: str, where: str, such_as: str) -> float:
     """Return a number that was typed, with a decimal point or comma.
 
-    Args:
-        text: As typed.
-        where: What it is asked for.
-        such_as: An example.
-
     Raises:
         InputError: If it is none.
     """
@@ -291,11 +250,6 @@ def typed_number(text: str, where: str, such_as: str) -> float:
 
 
 def run_name(text: str, default: str) -> str:
-    """Return the name of a run folder: letters, digits and `._-`, no folders.
-
-    Args:
-        text: As typed.
-        default: Where nothing is left of it.
-    """
+    """Return the name of a run folder: letters, digits and `._-`, no folders; else a default."""
     kept = "".join(c if c.isalnum() or c in "._-" else "_" for c in text.strip()).lstrip(".-")
     return kept[:80] or default

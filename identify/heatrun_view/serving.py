@@ -20,10 +20,10 @@ from heatrun.errors import InputError
 from .gate import Gate, Ticket
 from .handlers import serve
 from .look import PART_CSS
-from .reading import problem
 from .running_jobs import JobQueue
 from .store import Folder, RecordStore, UploadRoom
 from .tabs.page import Page
+from .words import problem
 
 LARGEST_PORT = 65535
 
@@ -36,29 +36,21 @@ class Binding:
         sockets: Bound and listening, all on one port.
         port: TCP port.
         names: Host names that are served, in lower case; numeric addresses go without saying.
-        host: How the address is written in the browser.
+        url: The page's address, without a token.
         is_loopback: Whether it is reachable from this machine alone.
     """
 
     sockets: Sequence[socket.socket]
     port: int
     names: frozenset[str]
-    host: str
+    url: str
     is_loopback: bool
-
-    @property
-    def url(self) -> str:
-        """The page's address, without a token."""
-        return f"http://{self.host}:{self.port}/"
 
 
 def bind(address: str, port: int) -> Binding:
-    """Listen on an address.
+    """Listen on a host name of this machine or an IPv4 or IPv6 address, at a port; 0 is a free one.
 
-    Args:
-        address: A host name of this machine or an IPv4 or IPv6 address; `0.0.0.0` and `::` are
-            all of its addresses.
-        port: TCP port; 0 takes a free one.
+    `0.0.0.0` and `::` are all of its addresses.
 
     Raises:
         InputError: If the address is none of this machine, or the port is taken or forbidden.
@@ -80,20 +72,19 @@ def bind(address: str, port: int) -> Binding:
         ) from error
     is_loopback = all(each.is_loopback for each in found)
     is_every = any(each.is_unspecified for each in found)
-    is_name = not _is_number(asked)
-    names = {asked.lower()} if is_name else set()
+    host = f"[{found[0]}]" if found[0].version == 6 else str(found[0])
+    names: set[str] = set()
+    if not _is_number(asked):
+        host = asked.lower()
+        names.add(host)
     if is_loopback or is_every:
         names.add("localhost")
     if is_every:
-        names |= _own_names()
-    if is_every:
         host = socket.gethostname().lower()
-    elif is_name:
-        host = asked.lower()
-    else:
-        host = f"[{found[0]}]" if found[0].version == 6 else str(found[0])
+        names |= _own_names()
     actual = sockets[0].getsockname()[1]
-    return Binding(tuple(sockets), actual, frozenset(names), host, is_loopback)
+    url = f"http://{host}:{actual}/"
+    return Binding(tuple(sockets), actual, frozenset(names), url, is_loopback)
 
 
 def _resolved(asked: str) -> list[ipaddress.IPv4Address | ipaddress.IPv6Address]:
@@ -134,12 +125,7 @@ LOOPBACK = "127.0.0.1"
 
 @dataclass(frozen=True)
 class ViewServer:
-    """A server that listens and is not started yet.
-
-    Attributes:
-        url: The page's address, with its token where one is asked for.
-        is_loopback: Whether it is reachable from this machine alone.
-    """
+    """A server that listens and is not started yet; its address has the token, if one is asked."""
 
     url: str
     is_loopback: bool

@@ -21,7 +21,7 @@ import panel as pn
 
 from heatrun.errors import InputError
 from heatrun.io.open_file import LARGEST_BYTES
-from heatrun.io.own_files import MACHINES, MOST_BYTES, SIMULATION, own_file
+from heatrun.io.own_files import ENDINGS, MACHINES, MOST_BYTES, SIMULATION, own_file
 from heatrun.io.whole_files import Opener, opening_by, write_whole
 from heatrun.readers.following import FollowedTest, Other, other_columns
 from heatrun.readers.joined import read_whole_test
@@ -31,14 +31,6 @@ from heatrun.record.record import Record
 from heatrun.runs.run_folder import MANIFEST
 
 from .gate import is_inside, open_inside, outside
-
-SUFFIXES = frozenset(
-    (
-        *(".csv", ".tsv", ".txt", ".dat", ".asc", ".mat", ".parquet", ".mf4", ".mdf", ".tdms"),
-        *(".xlsx", ".xlsm"),
-    )
-)
-"""Endings of the files that are offered as tests, also with .gz behind them."""
 
 MAX_DEPTH = 3
 """Levels of folders that are searched, the folder itself included."""
@@ -71,12 +63,16 @@ class Stamp:
 
     @classmethod
     def of(cls, path: Path) -> Stamp:
-        """Return the stamp of a file; that of nothing (-1, -1) where there is no file."""
+        """Return the stamp of a file; `NOTHING` where there is none."""
         try:
             status = path.stat()
         except OSError:
-            return cls(-1, -1)
+            return NOTHING
         return cls(status.st_size, status.st_mtime_ns)
+
+
+NOTHING = Stamp(-1, -1)
+"""The stamp where there is no file."""
 
 
 @dataclass(frozen=True)
@@ -99,11 +95,7 @@ class Listing:
 
 
 class Folder:
-    """A folder of tests and motor files.
-
-    Attributes:
-        root: The folder, with links resolved.
-    """
+    """A folder of tests and motor files; its root has links resolved."""
 
     def __init__(self, root: Path) -> None:
         if not root.is_dir():
@@ -115,10 +107,7 @@ class Folder:
         self.root = root.resolve()
 
     def path(self, name: str) -> Path:
-        """Return the path of a file in the folder.
-
-        Args:
-            name: Relative to the folder.
+        """Return the path of a file in the folder, named relative to it.
 
         Raises:
             InputError: If it is not a file, or lies outside the folder by `..`, by an absolute
@@ -148,7 +137,7 @@ class Folder:
             if num_seen > MAX_ENTRIES:
                 break
             name = path.relative_to(self.root).as_posix()
-            if _ending(path) in SUFFIXES:
+            if _ending(path.name) in ENDINGS:
                 said = own_file(path.name, self._start(path, MOST_BYTES))
                 if said in (None, SIMULATION):
                     (simulated if said else tests).append(name)
@@ -160,7 +149,8 @@ class Folder:
                 if MOTOR.search(start) and not FLEET.search(start):
                     motors.append(name)
         for names in (tests, simulated, motors):
-            names.sort(key=_nearest)
+            # the files of the folder itself come first
+            names.sort(key=lambda name: (name.count("/"), name))
         is_cut = num_seen > MAX_ENTRIES
         return Listing(tuple(tests), tuple(simulated), tuple(motors), is_cut, num_own)
 
@@ -189,14 +179,8 @@ class Folder:
             return b""
 
 
-def _nearest(name: str) -> tuple[int, str]:
-    """Order by depth, then by name: the files of the folder itself come first."""
-    return name.count("/"), name
-
-
-def _ending(path: Path) -> str:
-    name = path.name.lower().removesuffix(".gz")
-    return Path(name).suffix
+def _ending(name: str) -> str:
+    return Path(name.lower().removesuffix(".gz")).suffix
 
 
 MAX_STORED_BYTES = 2 << 30
@@ -211,9 +195,6 @@ class Opened:
     """A record and the state of its file when it was read.
 
     Attributes:
-        record: The test.
-        path: Its file.
-        stamp: State of the file when it was read.
         others: The columns of numbers that are no channel, by name; None where they were not read.
         notice: What happened to a growing file, as a sentence, or empty.
         is_part: The file was being written; this is what of it was whole.
@@ -244,12 +225,7 @@ class RecordStore:
         )
 
     def open(self, path: Path, motor: Motor | None) -> Opened:
-        """Return the record of a file.
-
-        Args:
-            path: The file.
-            motor: The machine, whose columns and kind of losses count; None reads the columns
-                that are known without it.
+        """Return the record of a file, by the columns and kind of losses of a machine if given.
 
         Raises:
             InputError: If the file is too large for the view, cannot be read, or changed while
@@ -258,15 +234,13 @@ class RecordStore:
         stamp = self._stamp(path)
         key = (path, stamp, motor.sha256 if motor else "")
         with self._lock:
-            if key in self._kept:
-                self._kept.move_to_end(key)
-                return self._kept[key]
             turn = self._reading.setdefault(key, threading.Lock())
         # who wants the same file waits for it; who wants another one does not
         with turn:
             try:
                 with self._lock:
                     if key in self._kept:
+                        self._kept.move_to_end(key)
                         return self._kept[key]
                 opened = self._read(path, motor, stamp)
                 with self._lock:
@@ -280,10 +254,6 @@ class RecordStore:
 
     def with_others(self, opened: Opened, opener: Opener) -> Opened:
         """Return a test with the columns that are no channel; they are read once.
-
-        Args:
-            opened: As `open` returned it.
-            opener: Opens the file.
 
         Raises:
             InputError: If the file cannot be read any more.
@@ -303,11 +273,6 @@ class RecordStore:
         """Return what is whole of a text file that is being written.
 
         What was read of it before is not read again, for none of the tabs.
-
-        Args:
-            path: The file.
-            motor: As `open`.
-            opener: Opens the file.
 
         Raises:
             InputError: If the file is too large for the view, holds no table yet, or is no text.
@@ -375,12 +340,7 @@ RESERVED = re.compile(r"^(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)
 
 
 class UploadRoom:
-    """What the uploads of all pages may take together, in memory and on the disk.
-
-    Attributes:
-        folder: Where they are kept.
-        max_bytes: Limit of their sum [byte].
-    """
+    """What the uploads of all pages may take together, in memory and on the disk [byte]."""
 
     def __init__(self, folder: Path, max_bytes: int) -> None:
         self.folder, self.max_bytes = folder, max_bytes
@@ -460,19 +420,15 @@ def safe_name(name: str) -> str:
     Folders, control characters, leading dots and everything that is not a letter, a digit or one
     of `._-+@` are dropped or become `_`.
 
-    Args:
-        name: As the browser sent it.
-
     Raises:
         InputError: If nothing is left, or the ending is that of no bench file.
     """
     last = re.split(r"[/\\]", unicodedata.normalize("NFC", name))[-1]
     kept = "".join(c if c.isalnum() or c in "._-+@" else "_" for c in last).lstrip(".-")
-    ending = Path(kept.lower().removesuffix(".gz")).suffix
-    if not kept or ending not in SUFFIXES | {".toml"}:
+    if not kept or _ending(kept) not in (*ENDINGS, ".toml"):
         raise InputError(
             f"Expected a bench file or a motor file; {last[:60]!r} is neither by its ending.",
-            remedy=f"Known are {', '.join(sorted(SUFFIXES))}, also with .gz, and .toml.",
+            remedy=f"Known are {', '.join(sorted(ENDINGS))}, also with .gz, and .toml.",
         )
     if len(kept) > MAX_NAME:
         tail = kept[len(kept) - 20 :]
@@ -483,13 +439,7 @@ def safe_name(name: str) -> str:
 def keep_upload(folder: Path, name: str, content: bytes | str) -> Path:
     """Write an uploaded file, whole or not at all, and never over another one.
 
-    Args:
-        folder: Where it goes.
-        name: As the browser sent it.
-        content: Its bytes; text if the browser called it so.
-
-    Returns:
-        The file, with a number in its name where that was taken by another content.
+    A number stands in its name where that was taken by another content.
     """
     data = content.encode() if isinstance(content, str) else content
     wanted = folder / safe_name(name)

@@ -41,15 +41,12 @@ MARGIN = 0.25
 
 @dataclass(frozen=True)
 class Trace:
-    """The readings of one channel in order of time.
+    """The readings of one channel, or column that is none, of a test in order of time.
 
     Attributes:
-        test: Name of the test.
-        channel: Canonical channel, or the name of a column that is none.
         time_s: Times with a reading, ascending [s], shape (reading,).
         value: Readings in the unit, shape (reading,).
         step_s: Median step between readings [s].
-        unit: Unit of the readings.
     """
 
     test: str
@@ -80,14 +77,17 @@ class Trace:
         value: np.ndarray,
         unit: str | None = None,
     ) -> Trace:
-        """Take a channel of a record; samples that the file does not have are left out.
+        """Take a channel of a record, or a column that is none, with its unit.
+
+        Samples that the file does not have are left out; time is put in order where it runs
+        backwards.
 
         Args:
             test: Name of the test.
-            channel: Canonical channel, or the name of a column that is none.
-            time_s: Time of each sample [s], shape (time,); put in order where it runs backwards.
+            channel: As the column is called.
+            time_s: Time of each sample [s], shape (time,).
             value: Reading of each sample, NaN where there is none, shape (time,).
-            unit: Unit of a column that is no channel.
+            unit: Of a column that is no channel.
         """
         is_read = np.isfinite(value) & np.isfinite(time_s)
         if not is_read.all():
@@ -104,11 +104,7 @@ class Trace:
         )
 
     def at(self, time_s: float) -> float:
-        """Return the reading nearest to a time; NaN where there is none within a usual step.
-
-        Args:
-            time_s: The time [s].
-        """
+        """Return the reading nearest to a time [s]; NaN where there is none within a usual step."""
         behind = int(np.searchsorted(self.time_s, time_s))
         near = [i for i in (behind - 1, behind) if 0 <= i < self.time_s.size]
         if not near:
@@ -122,51 +118,30 @@ class Trace:
 
         Every reading where there are no more than `num_points`; else the least and the greatest
         of each stretch, thinned to the points that keep the shape (MinMaxLTTB, Van Der Donckt et
-        al. 2023), each of them a reading of the file. NaN stands in every gap.
-
-        Args:
-            start: Begin of the window [s].
-            end: End of the window [s].
-            num_points: Points for the window itself.
-
-        Returns:
-            Times [s] and values, with a margin on both sides of the window.
+        al. 2023), each of them a reading of the file. NaN stands in every gap. Times [s] and values
+        have a margin on both sides of the window [s].
         """
         margin = MARGIN * (end - start)
         first, last = np.searchsorted(self.time_s, [start - margin, end + margin])
         chosen = slice(max(int(first) - 1, 0), int(last) + 1)
         t, v = self.time_s[chosen], self.value[chosen]
         wanted = int(num_points * (1.0 + 2.0 * MARGIN))
-        is_thin = t.size > wanted
-        if is_thin:
+        is_gap = np.diff(t) > GAP * self.step_s
+        if t.size > wanted:
             kept = MinMaxLTTBDownsampler().downsample(t, v, n_out=wanted)
-            is_gap = self._gap_between(t, kept)
             t, v = t[kept], v[kept]
-        else:
-            is_gap = np.diff(t) > GAP * self.step_s
+            is_gap = np.diff(np.concatenate([[0], np.cumsum(is_gap)])[kept]) > 0
         where = np.flatnonzero(is_gap) + 1
         return np.insert(t, where, t[where - 1]), np.insert(v, where, np.nan)
-
-    def _gap_between(self, t: np.ndarray, kept: np.ndarray) -> np.ndarray:
-        """Return whether a gap lies between each kept sample and the next."""
-        num_gaps = np.concatenate([[0], np.cumsum(np.diff(t) > GAP * self.step_s)])
-        return np.diff(num_gaps[kept]) > 0
-
-
-def _fixed() -> dict[str, int]:
-    """Return the number of each channel among those of its unit, which share a plot."""
-    seen: dict[str, int] = {}
-    found = {}
-    for channel in CHANNELS:
-        found[channel.name] = seen.get(channel.unit, 0)
-        seen[channel.unit] = found[channel.name] + 1
-    return found
 
 
 MEASURED, MODEL, RESIDUAL = FIT = ("measured", "model", "residual")
 """Lines of a fit."""
 
-FIXED = _fixed() | {name: number for number, name in enumerate(FIT)}
+BY_UNIT = {c.unit: [each.name for each in CHANNELS if each.unit == c.unit] for c in CHANNELS}
+
+FIXED = {name: number for names in (*BY_UNIT.values(), FIT) for number, name in enumerate(names)}
+"""The number of each channel among those of its unit, which share a plot."""
 
 
 def colours(traces: Sequence[Trace], num_colours: int) -> list[int]:
@@ -174,10 +149,6 @@ def colours(traces: Sequence[Trace], num_colours: int) -> list[int]:
 
     Of one test a channel has its own; another column takes one by its name, or the next that is
     free in its plot.
-
-    Args:
-        traces: The lines.
-        num_colours: Colours of the palette.
     """
     tests = tests_of(traces)
     if len(tests) > 1:
@@ -216,12 +187,7 @@ def dashes(traces: Sequence[Trace]) -> list[str]:
 
 
 def sample(colour: str, dash: str) -> str:
-    """Return a piece of a line for a table, as HTML.
-
-    Args:
-        colour: Of the line.
-        dash: One of `DASHES`.
-    """
+    """Return a piece of a line of a colour and one of `DASHES` for a table, as HTML."""
     pattern = {"solid": "", "dashed": "6", "dotted": "2 3", "dotdash": "2 3 6 3"}.get(dash, "6 3 2")
     return (
         "<svg width='26' height='10'><line x1='0' y1='6' x2='26' y2='6' stroke-width='2' "
@@ -247,14 +213,7 @@ def add_legends(
     figures: Mapping[str, Any], traces: Sequence[Trace], lines: Sequence[Any],
     dashes: Sequence[str],
 ) -> None:  # fmt: skip
-    """Put a legend above each plot: its signals; above the first one the tests by colour.
-
-    Args:
-        figures: Plots by unit.
-        traces: The signals.
-        lines: The line of each, its colour among the tags.
-        dashes: The dash of each.
-    """
+    """Put a legend above each plot: its signals; above the first one the tests by colour."""
     colour = dict(zip((trace.test for trace in traces), (each.glyph.tags for each in lines),
                       strict=True))  # fmt: skip
 
@@ -276,24 +235,17 @@ def add_legends(
         ]  # fmt: skip
         if len(colour) > 1 and plot is next(iter(figures.values())):
             legends.append([marked(plot, test, [], tags, "solid") for test, tags in colour.items()])
-        sized = [(_legend(items), _widest_px(items)) for items in legends]
-        for legend, _ in sized:
-            plot.add_layout(legend, "above")
+        sized = []
+        for items in legends:
+            longest = max(len(str(item.label.value)) for item in items)
+            sized.append((_legend(items), MARK_PX + CHARACTER_PX * longest))
+            plot.add_layout(sized[-1][0], "above")
         fit = CustomJS(args={"plot": plot, "legends": sized, "in_row": IN_ROW}, code=ROWS)
         plot.js_on_change("inner_width", fit)
 
 
-def _widest_px(items: Sequence[Any]) -> int:
-    return MARK_PX + CHARACTER_PX * max(len(str(item.label.value)) for item in items)
-
-
 def paint(plot: Any, look: Look) -> None:
-    """Paint all of a plot; what has the number of a colour among its tags in that.
-
-    Args:
-        plot: A figure.
-        look: Colours.
-    """
+    """Paint all of a plot; what has the number of a colour among its tags in that."""
     plot.background_fill_color = look.paper
     plot.border_fill_color = look.paper
     plot.outline_line_color = look.faint
@@ -355,33 +307,19 @@ LABEL = UNIT_JS + "axis.axis_label = `time [${symbol}]`;"
 
 
 def unit_of(span_s: float) -> tuple[float, str]:
-    """Return the unit [s] and its symbol in which a window is shown.
-
-    Args:
-        span_s: Length of the window [s].
-    """
+    """Return the unit [s] and its symbol in which a window of a length [s] is shown."""
     return next((unit, symbol) for longest, unit, symbol in UNITS if span_s < longest)
 
 
 def spoken(time_s: float, span_s: float) -> str:
-    """Return a time or a difference of times in words, as in `"12.50 min (750.0 s)"`.
-
-    Args:
-        time_s: The time [s].
-        span_s: Length of the window in which it is seen [s].
-    """
+    """Return a time [s] as seen in a window of a length [s], as in `"12.50 min (750.0 s)"`."""
     unit, symbol = unit_of(span_s)
     seconds = f"{time_s:.2f} s"
     return seconds if unit == 1.0 else f"{time_s / unit:.3f} {symbol} ({seconds})"
 
 
 def show_time(axis: Any, x_range: Range1d) -> None:
-    """Let an axis show times of a window in the unit that suits it.
-
-    Args:
-        axis: The axis.
-        x_range: The window [s].
-    """
+    """Let an axis show times of a window [s] in the unit that suits it."""
     axis.ticker = CompositeTicker(
         tickers=[
             AdaptiveTicker(
@@ -440,51 +378,33 @@ HELP = (
 
 def label_of(trace: Trace, traces: Sequence[Trace]) -> str:
     """Return how a line is called: with its test where there are several."""
-    is_alone = all(other.test == trace.test for other in traces)
-    return trace.name if is_alone else f"{trace.name} · {trace.test}"
+    return f"{trace.name} · {trace.test}" if len(tests_of(traces)) > 1 else trace.name
 
 
 def cursor_table(
     traces: Sequence[Trace], a_s: float | None, b_s: float | None, span_s: float
 ) -> str:
-    """Return the readings of all lines at two cursors and their difference, as HTML.
+    """Return the readings of all lines at two cursors [s] and their difference, as HTML.
 
-    Args:
-        traces: The lines.
-        a_s: Time of cursor A [s], None if it is not set.
-        b_s: Time of cursor B [s], None if it is not set.
-        span_s: Length of the window in which they are seen [s].
+    A cursor that is not set is None; the times are seen in a window of a length [s].
     """
     if a_s is None and b_s is None:
         return ""
-    rows = "".join(
-        f"<tr><td>{_cell(trace, traces)}</td>"
-        + "".join(f"<td class='number'>{value}</td>" for value in _values(trace, a_s, b_s))
-        + "</tr>"
-        for trace in traces
-    )
+    rows, several = "", len(tests_of(traces)) > 1
+    for trace in traces:
+        name = escape(f"{trace.name} [{trace.printed_unit}]")
+        name += f"<br><span class='faded'>{escape(trace.test)}</span>" if several else ""
+        a, b = (math.nan if at is None else trace.at(at) for at in (a_s, b_s))
+        values = ("–" if math.isnan(each) else f"{each:.6g}" for each in (a, b, b - a))
+        cells = "".join(f"<td class='number'>{value}</td>" for value in values)
+        rows += f"<tr><td>{name}</td>{cells}</tr>"
+    between = None if a_s is None or b_s is None else b_s - a_s
     told = [
         f"<b>{name}</b> {spoken(at, span_s)}"
-        for name, at in (("A", a_s), ("B", b_s), ("Δt", _between(a_s, b_s)))
+        for name, at in (("A", a_s), ("B", b_s), ("Δt", between))
         if at is not None
     ]
     head = "<tr><th></th><th>A</th><th>B</th><th>B − A</th></tr>"
     missing = message("note", "Shift and click sets cursor B.") if b_s is None else ""
     table = f"<table style='font-size:12px'>{head}{rows}</table>"
     return f"<p>{'<br>'.join(told)}</p>{table}{missing}"
-
-
-def _cell(trace: Trace, traces: Sequence[Trace]) -> str:
-    name = escape(f"{trace.name} [{trace.printed_unit}]")
-    if all(other.test == trace.test for other in traces):
-        return name
-    return f"{name}<br><span class='faded'>{escape(trace.test)}</span>"
-
-
-def _between(a_s: float | None, b_s: float | None) -> float | None:
-    return None if a_s is None or b_s is None else b_s - a_s
-
-
-def _values(trace: Trace, a_s: float | None, b_s: float | None) -> list[str]:
-    a, b = (math.nan if at is None else trace.at(at) for at in (a_s, b_s))
-    return ["–" if math.isnan(value) else f"{value:.6g}" for value in (a, b, b - a)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
@@ -11,25 +12,13 @@ from heatrun.io.quantities import printed_unit, rounded
 from heatrun.record.record import Finding
 from heatrun.reports.terminal import ranked, verdict_lines
 from heatrun.results import DiscoveryResult, FitResult
-from heatrun.results.model import MissingSpan
 from heatrun.runs.verdict import favoured
-from heatrun.shutdown.printed import (
-    BUDGET,
-    answer_lines,
-    budget_cells,
-    budget_sum,
-    hand_cells,
-)
+from heatrun.shutdown.printed import BUDGET, answer_lines, budget_cells, budget_sum, hand_cells
 from heatrun.shutdown.result import ShutdownResult
 
 
 def message(kind: str, text: str) -> str:
-    """Return a framed sentence.
-
-    Args:
-        kind: `"error"`, `"warning"` or `"note"`.
-        text: Plain text.
-    """
+    """Return a framed sentence of plain text, an `"error"`, a `"warning"` or a `"note"`."""
     return f'<p class="{kind}">{escape(text)}</p>'
 
 
@@ -37,6 +26,17 @@ def error_message(error: InputError) -> str:
     """Return what was expected, what came, where and what to do."""
     where = f"<b>{escape(error.where)}</b>: " if error.where else ""
     return f'<p class="error">{where}{escape(error.problem)} {escape(error.remedy)}</p>'
+
+
+def problem(name: str, error: Exception) -> str:
+    """Return what went wrong with a file as HTML; what is not the file's fault is printed too."""
+    if isinstance(error, InputError):
+        return error_message(error)
+    if isinstance(error, MemoryError):
+        return message("error", f"{name}: there is not enough memory to read it.")
+    traceback.print_exception(error)
+    words = f"{name}: internal error ({error!r:.200}); the details are in the terminal."
+    return message("error", words)
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
@@ -124,7 +124,7 @@ def discovery_html(result: DiscoveryResult) -> str:
                 ("test", "from [min]", "to [min]", "node", "missing", "95 % interval"),
                 (
                     (span.test, span.from_s / 60, span.to_s / 60, span.node,
-                     _missing(span), _range(span.interval_95))
+                     f"{span.missing[0]:+.3g} {span.missing[1]}", _range(span.interval_95))
                     for span in result.where
                 ),
             )
@@ -145,11 +145,6 @@ def shutdown_html(result: ShutdownResult) -> str:
         f"<p>{escape(budget_sum(result))}</p>",
         *(f"<p class='faded'>{escape(note)}</p>" for note in result.notes),
     ])  # fmt: skip
-
-
-def _missing(span: MissingSpan) -> str:
-    missing, unit = span.missing
-    return f"{missing:+.3g} {unit}"
 
 
 def _range(interval: Sequence[float]) -> str:

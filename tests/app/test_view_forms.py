@@ -56,7 +56,7 @@ def page(shared: Page, queue: Told) -> Page:
     side.run.value, side.kind.value, side.tests.value = NO_RUN, "general", ["duty_30min.csv.gz"]
     for choice in (reporting._reference, using._tests, using._motor):
         choice.value = choice.options[0]
-    using._corrected.value, reporting._problem.object, queue.words = False, "", []
+    using._corrected.value, reporting._job._problem.object, queue.words = False, "", []
     return shared
 
 
@@ -90,7 +90,7 @@ def test_a_run_is_no_real_prototype(page, queue, shared_folder):
     page._sidebar.kind.value = "real"
     page.reporting._job.start.clicks += 1
     assert queue.words == []
-    assert "Expected the record of the other prototype" in page.reporting._problem.object
+    assert "Expected the record of the other prototype" in page.reporting._job._problem.object
     options = ordered(page, "real", reference="step_30min.csv.gz")
     assert (options.run, options.reference) == (None, shared_folder / "step_30min.csv.gz")
 
@@ -99,7 +99,7 @@ def test_without_run_and_record_the_form_names_both(page, queue):
     page._sidebar.kind.value = "virtual"
     page.reporting._job.start.clicks += 1
     assert queue.words == []
-    assert "select a run in the side panel" in page.reporting._problem.object
+    assert "select a run in the side panel" in page.reporting._job._problem.object
 
 
 def test_a_thermal_report_shows_the_selected_run(page, home):
@@ -111,7 +111,7 @@ def test_prototypes_are_named_after_their_records(page, queue, shared_folder):
     page._sidebar.kind.value = "prototypes"
     page.reporting._job.start.clicks += 1
     assert queue.words == []
-    assert "two tests or more" in page.reporting._problem.object
+    assert "two tests or more" in page.reporting._job._problem.object
     names = ["duty_30min.csv.gz", "step_30min.csv.gz"]
     page._sidebar.tests.value = names
     page.reporting._job.start.clicks += 1
@@ -199,8 +199,7 @@ def test_what_was_exported_is_said_and_handed_out(page, home):
         "findings": [{"message": "<i>", "remedy": "Pass --corrected."}],
     }  # fmt: skip
     for output, num in ((one, 1), ({"exports": [one, one]}, 2)):
-        made: list = []
-        page.using._show_exported(SimpleNamespace(output=output), made)
+        made = page.using._show_exported(SimpleNamespace(output=output))
         assert len(made) == 2 * num
         said, files = made[:2]
         assert "<b>" not in said.object
@@ -217,14 +216,7 @@ def test_only_files_of_their_folder_are_handed_out(page, home):
         {"test": "<b>", "network": "second", "effects": [], "rmse_K": None, "file": str(file)}
         for file in (home / "simulated" / "a_virtual.csv", home / "secret.csv")
     ]
-    shown: list = []
-
-    class Place:
-        def __setitem__(self, key: slice, value: list) -> None:
-            shown.extend(value)
-
-    page.using._show_simulated(SimpleNamespace(output={"simulated": rows}), Place())
-    said, files = shown
+    said, files = page.using._show_simulated(SimpleNamespace(output={"simulated": rows}))
     assert "<b>" not in said.object
     inside, outside = files
     assert inside.callback().read() == b"time_s\n0\n"

@@ -75,8 +75,8 @@ def test_a_gap_adds_nothing_and_is_said():
     # 30 s are covered: 360 W and 10 m/s give 10800 J and 300 m
     assert found.energy_kWh == pytest.approx(0.003)
     assert found.distance_km == pytest.approx(0.3)
-    assert found.left_out_s == 100.0
     (finding,) = found.findings
+    assert finding.values["left_out_s"] == 100.0
     assert finding.id == "not_integrated"
     assert "100.0 s" in finding.message
 

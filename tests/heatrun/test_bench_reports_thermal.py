@@ -146,7 +146,7 @@ def test_a_report_without_a_temperature_of_the_machine_says_what_to_map():
 def test_a_report_without_resistance_keeps_the_temperatures_and_says_why():
     report = build_report("thermal", Motor("bare"), warming(tau_s=600.0, hours=0.2))
     assert "no_loss_split" in {f.id for f in report.findings}
-    assert {drawing.name for drawing in report.drawings} == {"temperatures"}
+    assert [drawing.caption[:25] for drawing in report.drawings] == ["All measured temperatures"]
 
 
 def test_the_network_of_a_run_meets_the_truth_of_an_independent_simulator(run, bench, generator):
@@ -173,7 +173,8 @@ def test_the_thermal_report_shows_the_run_and_the_virtual_one_compares(run, benc
     report = build_report("thermal", MOTOR, record, run=run)
     names = {row.name for row in report.rows}
     assert {"rmse_K", "coverage_percent", "stator_end_degC", "P_ws_end_W", "P_se_end_W"} <= names
-    assert {"against", "flows", "losses"} <= {drawing.name for drawing in report.drawings}
+    shown = {drawing.caption.split()[0] for drawing in report.drawings}
+    assert {"Measured", "Heat", "Losses,"} <= shown
     for drawing in report.drawings:
         assert drawing.draw().axes
     assert any("heatrun sheet" in text for _, text in report.definitions)
@@ -371,7 +372,7 @@ def test_the_report_marks_what_is_extrapolated():
     assert row.value == pytest.approx(110.0, abs=3.0)
     assert "95 %" in row.note
     assert any(name == "Extrapolated" for name, _ in report.definitions)
-    (drawing,) = [each for each in report.drawings if each.name == "temperatures"]
+    (drawing,) = [each for each in report.drawings if each.caption.startswith("All")]
     assert "extrapolated" in drawing.caption
     axis, _ = drawing.draw().axes
     labels = axis.get_legend_handles_labels()[1]

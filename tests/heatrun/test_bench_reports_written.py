@@ -58,9 +58,8 @@ def unset(monkeypatch):
 def test_the_cards_are_those_of_the_command_and_of_the_thesis():
     assert tuple(CARDS) == TYPES
     assert TEST_TYPES["general"].stem == "GeneralInformationTest"
-    assert TEST_TYPES["energy"].missing({"speed_rpm", "dc_power_W"}) == ()
-    (need,) = TEST_TYPES["energy"].missing({"speed_rpm", "dc_voltage_V"})
-    assert need.meaning == "electrical power"
+    assert TEST_TYPES["energy"].lacks({"speed_rpm", "dc_power_W"}) == ""
+    assert TEST_TYPES["energy"].lacks({"speed_rpm", "dc_voltage_V"}) == "electrical power"
     assert "winding_degC" in TEST_TYPES["thermal"].channels
     assert TEST_TYPES["virtual"].needs_reference
 

@@ -311,8 +311,8 @@ def test_the_network_is_judged_on_the_bench_and_by_its_load_on_the_road(machine)
     assert (on_bench.driven_by, on_road.driven_by) == ("semi-real", "semi-real")
     # the road counts 25 s where the bench counts 60 s
     assert report.result.shift_s["real"] == pytest.approx(EARLY - EARLIER_S, abs=0.5)
-    (bench_winding,) = on_bench.temperatures
-    (road_winding,) = on_road.temperatures
+    (bench_winding,) = on_bench.validation.judged
+    (road_winding,) = on_road.validation.judged
     # the start is read to 1 K; parameters within 0.5 % of the truth
     assert abs(bench_winding.bias) < 0.6
     assert bench_winding.verdict == "agrees"

@@ -13,6 +13,12 @@ from pathlib import Path
 from ..errors import InputError
 from .open_file import read_start
 
+ENDINGS = (
+    *(".csv", ".txt", ".dat", ".tsv", ".asc", ".mat", ".parquet", ".mf4", ".mdf", ".tdms"),
+    *(".xlsx", ".xlsm"),
+)
+"""Endings of bench files, alone or with `.gz`."""
+
 RUN_FILES = ("manifest.json", "fit.json")
 """What every run folder holds."""
 

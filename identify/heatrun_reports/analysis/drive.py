@@ -26,12 +26,7 @@ TERMINALS = "at the motor's terminals: the losses of the inverter are not in it"
 
 @dataclass(frozen=True)
 class Course:
-    """A quantity over the time of a record, and the formula behind it.
-
-    Attributes:
-        values: Shape (time,).
-        formula: For the report.
-    """
+    """A quantity over the time of a record, and the formula behind it for the report."""
 
     values: Float[np.ndarray, " time"]
     formula: str
@@ -41,11 +36,7 @@ def electrical_power(record: Record, motor: Motor) -> Course:
     """Return the electrical power drawn [W], positive when the motor drives.
 
     Taken, in this order, from DC voltage times DC current, DC power, power at the terminals, or
-    voltages and currents in d and q.
-
-    Args:
-        record: Any record.
-        motor: Gives the number of phases.
+    voltages and currents in d and q of so many phases as the motor has.
 
     Raises:
         InputError: If none of them was recorded.
@@ -62,7 +53,7 @@ def electrical_power(record: Record, motor: Motor) -> Course:
         return Course(values, f"P = phases/2 · (u_d·i_d + u_q·i_q), {TERMINALS}")
     raise InputError(
         "Expected dc_voltage_V and dc_current_A, dc_power_W, electrical_power_W, or u_d_V, u_q_V, "
-        f"i_d_A and i_q_A for the electrical power; the channels are {_listed(record)}.",
+        f"i_d_A and i_q_A for the electrical power; the channels are {', '.join(record.channels)}.",
         where=record.name,
         remedy='Map them in the motor file, such as [columns] dc_voltage_V = "U_dc [V]".',
     )
@@ -80,10 +71,6 @@ def road_speed(record: Record, motor: Motor) -> Course:
     Recorded, or from the motor's speed: $v = 2\pi n / 60 \cdot r / i$ with the gear ratio i and
     the rolling radius r of the motor file, without slip.
 
-    Args:
-        record: Any record.
-        motor: Gives gear ratio and wheel radius.
-
     Raises:
         InputError: If no speed was recorded, or gear ratio or wheel radius is missing for it.
     """
@@ -93,7 +80,7 @@ def road_speed(record: Record, motor: Motor) -> Course:
     if not has(record, "speed_rpm"):
         raise InputError(
             "Expected vehicle_speed_km_per_h or speed_rpm for the distance; the channels are "
-            f"{_listed(record)}.",
+            f"{', '.join(record.channels)}.",
             where=record.name,
             remedy='Map one in the motor file, such as [columns] speed_rpm = "n [rpm]".',
         )
@@ -120,8 +107,10 @@ def with_powers(record: Record, motor: Motor) -> Record:
     return replace(record, channels=channels)
 
 
-def _listed(record: Record) -> str:
-    return ", ".join(record.channels)
+def measured(record: Record, *values: Float[np.ndarray, " time"]) -> tuple[np.ndarray, ...]:
+    """Return time and values over the time of a record, where all are; as `samples`."""
+    columns = {f"values_{place}": each for place, each in enumerate(values)}
+    return samples(Record(record.name, {"time_s": record.time_s, **columns}), *columns)
 
 
 @dataclass(frozen=True)
@@ -154,13 +143,15 @@ class Integral:
 
 
 def bridged_steps(time_s: Float[np.ndarray, " time"]) -> Float[np.ndarray, " step"]:
-    """Return the steps of a time axis [s], those across a gap as 0.
-
-    Args:
-        time_s: Increasing times [s].
-    """
+    """Return the steps of a time axis [s], those across a gap as 0."""
     steps = np.diff(time_s)
     return np.where(steps <= GAP_STEPS * median_step(time_s), steps, 0.0)
+
+
+def weights(time_s: Float[np.ndarray, " time"]) -> Float[np.ndarray, " time"]:
+    """Return the time that each sample stands for [s], by trapezoids; gaps left out."""
+    steps = bridged_steps(time_s)
+    return 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
 
 
 def integrate(time_s: Float[np.ndarray, " time"], values: Float[np.ndarray, " time"]) -> Integral:
@@ -171,10 +162,6 @@ def integrate(time_s: Float[np.ndarray, " time"], values: Float[np.ndarray, " ti
     Between two samples of different sign the straight line's zero is one more point, so that the
     part above zero is not counted too high. A step above three usual ones is a gap: nothing is
     known of the values in it, so it adds nothing, and its length is returned.
-
-    Args:
-        time_s: Increasing times [s].
-        values: In any unit.
     """
     steps = np.diff(time_s)
     bridged = bridged_steps(time_s)
@@ -195,13 +182,7 @@ def integrate(time_s: Float[np.ndarray, " time"], values: Float[np.ndarray, " ti
 
 @dataclass(frozen=True)
 class LossSplit:
-    """Losses over the time of a record.
-
-    Attributes:
-        joule_W: P_Js of the winding [W], shape (time,).
-        other_W: P_ol, iron, magnets, friction [W], shape (time,).
-        formula: For the report.
-    """
+    """P_Js of the winding, P_ol of iron, magnets and friction [W], and the formula behind them."""
 
     joule_W: Float[np.ndarray, " time"]
     other_W: Float[np.ndarray, " time"]
@@ -215,12 +196,9 @@ def split_losses(record: Record, motor: Motor) -> LossSplit:
 
     Where the motor file calls the losses a map, they are P_ol already.
 
-    Args:
-        record: With `phase_current_A`, `losses_W` and `winding_degC`.
-        motor: Gives the phase resistance and what the losses are.
-
     Raises:
-        InputError: If a channel or the phase resistance is missing.
+        InputError: If `phase_current_A`, `losses_W`, `winding_degC` or the phase resistance is
+            missing.
     """
     needed = ("phase_current_A", "losses_W", "winding_degC")
     missing = [channel for channel in needed if not has(record, channel)]
@@ -273,14 +251,8 @@ def operating_map(record: Record, motor: Motor) -> OperatingMap | None:
     """Return power and efficiency over the torque-speed plane.
 
     Energies are summed over each cell before they are divided, so that a cell's efficiency is that
-    of its energy, not a mean of ratios.
-
-    Args:
-        record: Any record.
-        motor: The machine.
-
-    Returns:
-        The map, or None without torque, speed, electrical power or any spread of them.
+    of its energy, not a mean of ratios. None without torque, speed, electrical power or any spread
+    of them.
     """
     if not has(record, "torque_Nm", "speed_rpm"):
         return None
@@ -288,12 +260,11 @@ def operating_map(record: Record, motor: Motor) -> OperatingMap | None:
         power = electrical_power(record, motor)
     except InputError:
         return None
-    made = Record(record.name, {**record.channels, "power": power.values})
-    time_s, speed, torque, electrical = samples(made, "speed_rpm", "torque_Nm", "power")
+    columns = record["speed_rpm"], record["torque_Nm"], power.values
+    time_s, speed, torque, electrical = measured(record, *columns)
     if time_s.size < 2 or not (np.ptp(speed) > 0.0 and np.ptp(torque) > 0.0):
         return None
-    steps = bridged_steps(time_s)
-    weight = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
+    weight = weights(time_s)
     mechanical = torque * speed * RAD_PER_S_PER_RPM
     edges = [np.linspace(v.min(), v.max(), NUM_CELLS + 1) for v in (torque, speed)]
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,78 +12,67 @@ from heatrun.errors import InputError, UsageError
 from heatrun.record.channels import CHANNEL
 from heatrun.record.motor import Motor
 from heatrun.record.record import Finding, Record
-from heatrun.record.samples import is_measured, place, samples
+from heatrun.record.samples import is_measured, place
 
-from .drive import Course, Integral, electrical_power, integrate, is_of_vehicle, road_speed
+from .drive import (
+    Course,
+    Integral,
+    electrical_power,
+    integrate,
+    is_of_vehicle,
+    measured,
+    road_speed,
+)
 
 J_PER_KWH = 3.6e6
 
 SHORTEST_KM = 1e-3
 """Below a metre [km] the zero of a speed sensor makes the distance, and no consumption follows."""
 
+
+class Figure(NamedTuple):
+    """A figure of the table: name, wording and unit, what it is made of, and what it is."""
+
+    name: str
+    label: str
+    unit: str
+    needs: tuple[str, ...]
+    definition: str
+
+
 FIGURES = (
-    ("energy_kWh", "Energy", "kWh"),
-    ("energy_without_regeneration_kWh", "Energy without regeneration", "kWh"),
-    ("distance_km", "Distance", "km"),
-    ("consumption_Wh_per_km", "Consumption", "Wh/km"),
-    ("consumption_without_regeneration_Wh_per_km", "Consumption without regeneration", "Wh/km"),
-    ("reduction_percent", "Consumption reduction", "%"),
-)
-"""Name, wording and unit of the figures, in the order of the table."""
+    Figure("energy_kWh", "Energy", "kWh", ("power",),
+           "∫ P dt, what was drawn less what was fed back."),
+    Figure("energy_without_regeneration_kWh", "Energy without regeneration", "kWh", ("power",),
+           "∫ max(P, 0) dt: what would have been drawn had nothing been fed back."),
+    Figure("distance_km", "Distance", "km", ("speed",),
+           "∫ |v| dt; driving in reverse counts."),
+    Figure("consumption_Wh_per_km", "Consumption", "Wh/km", ("power", "speed"),
+           "Energy over distance; undefined below a distance of 1 m."),
+    Figure("consumption_without_regeneration_Wh_per_km", "Consumption without regeneration",
+           "Wh/km", ("power", "speed"), "Energy without regeneration over distance."),
+    Figure("reduction_percent", "Consumption reduction", "%", ("power",),
+           "100 · (1 − energy / energy without regeneration)."),
+)  # fmt: skip
+"""In the order of the table."""
 
-NEEDS = {
-    "energy_kWh": ("power",),
-    "energy_without_regeneration_kWh": ("power",),
-    "distance_km": ("speed",),
-    "consumption_Wh_per_km": ("power", "speed"),
-    "consumption_without_regeneration_Wh_per_km": ("power", "speed"),
-    "reduction_percent": ("power",),
-}
-"""What each figure is made of."""
-
-DEFINITIONS = (
-    ("Energy", "∫ P dt, what was drawn less what was fed back."),
-    (
-        "Energy without regeneration",
-        "∫ max(P, 0) dt: what would have been drawn had nothing been fed back.",
-    ),
-    ("Distance", "∫ |v| dt; driving in reverse counts."),
-    ("Consumption", "Energy over distance; undefined below a distance of 1 m."),
-    ("Consumption without regeneration", "Energy without regeneration over distance."),
-    ("Consumption reduction", "100 · (1 − energy / energy without regeneration)."),
-    (
-        "Integration",
-        "Trapezoids between neighbouring samples on the record's own time axis; where the power "
-        "changes sign between two samples, the zero of the straight line is one more point. Steps "
-        "above three usual ones are gaps: they add neither energy nor distance.",
-    ),
+INTEGRATION = (
+    "Trapezoids between neighbouring samples on the record's own time axis; where the power "
+    "changes sign between two samples, the zero of the straight line is one more point. Steps "
+    "above three usual ones are gaps: they add neither energy nor distance."
 )
-"""What the figures are, in words of the report."""
 
 
 @dataclass(frozen=True)
 class GeneralInformation:
-    r"""The figures of the General Information table; None where undefined.
-
-    With the electrical power P and the speed v, both integrals by
-    `heatrun_reports.analysis.drive`:
-
-    $$ E = \int P\,dt, \quad E_+ = \int \max(P, 0)\,dt, \quad d = \int |v|\,dt, \quad
-       e = E/d, \quad r = 100\,(1 - E/E_+) $$
+    r"""The figures of the General Information table, as `FIGURES` says; None where undefined.
 
     Attributes:
-        energy_kWh: Drawn less fed back [kWh].
-        energy_without_regeneration_kWh: Drawn alone [kWh].
-        distance_km: Path, forwards and backwards [km].
-        consumption_Wh_per_km: Energy over distance [Wh/km].
-        consumption_without_regeneration_Wh_per_km: Energy drawn alone over distance [Wh/km].
-        reduction_percent: By how much feeding back reduced the consumption [%].
         undefined: Reason for each figure that is None.
         formulas: Where power and speed come from.
-        of_vehicle: Whether distance and consumption are asked for.
         covered_s: Time integrated over [s].
-        left_out_s: Time in gaps [s].
         findings: What is doubtful.
+        of_vehicle: Whether distance and consumption are asked for.
     """
 
     energy_kWh: float | None
@@ -91,29 +81,24 @@ class GeneralInformation:
     consumption_Wh_per_km: float | None
     consumption_without_regeneration_Wh_per_km: float | None
     reduction_percent: float | None
-    undefined: Mapping[str, str] = field(default_factory=dict)
-    formulas: tuple[str, ...] = ()
-    covered_s: float = 0.0
-    left_out_s: float = 0.0
-    findings: tuple[Finding, ...] = ()
-    of_vehicle: bool = True
+    undefined: Mapping[str, str]
+    formulas: tuple[str, ...]
+    covered_s: float
+    findings: tuple[Finding, ...]
+    of_vehicle: bool
 
     @property
-    def figures(self) -> tuple[tuple[str, str, str], ...]:
-        """Those of `FIGURES` that are asked for: without a vehicle, energies alone."""
-        return tuple(one for one in FIGURES if self.of_vehicle or one[0].startswith("energy"))
+    def figures(self) -> tuple[Figure, ...]:
+        """Those that are asked for: without a vehicle, energies alone."""
+        return tuple(one for one in FIGURES if self.of_vehicle or one.name.startswith("energy"))
 
 
 def general_information(record: Record, motor: Motor) -> GeneralInformation:
     """Return the figures of the General Information table.
 
     Energy and distance are integrated over the same time: where either is not measured, neither
-    counts.
-
-    Args:
-        record: Any record.
-        motor: Gives gear ratio and wheel radius; of a machine that is in no vehicle, there is no
-            distance. What else is missing becomes a finding, and its figures are None.
+    counts. What is missing becomes a finding, and its figures are None; of a machine that is in no
+    vehicle, there is no distance.
 
     Raises:
         InputError: If time runs backwards, or fewer than two samples can be used.
@@ -129,18 +114,33 @@ def general_information(record: Record, motor: Motor) -> GeneralInformation:
         except InputError as error:
             lacking[name] = error
     integrals = _integrals(record, courses)
-    findings = [_not_determined(record, name, error) for name, error in lacking.items()]
+    findings = [
+        Finding(f"no_{name}", "warning", error.problem, error.where, error.remedy, record.name)
+        for name, error in lacking.items()
+    ]
     findings += _gaps(record, integrals)
     power, speed = integrals.get("power"), integrals.get("speed")
     undefined = {}
     net = drawn = distance = consumption = without = reduction = None
     if power is not None:
         net, drawn = power.net / J_PER_KWH, power.positive / J_PER_KWH
-        findings += _sign(record, power)
         if drawn > 0.0:
             reduction = 100.0 * (1.0 - net / drawn)
         else:
             undefined["reduction_percent"] = "no energy was drawn that could have been reduced"
+            if power.negative < 0.0:
+                findings.append(
+                    Finding(
+                        "power_negative",
+                        "warning",
+                        "Expected power to be drawn; it is negative throughout, "
+                        f"{net:.4g} kWh in all.",
+                        record.name,
+                        "A braking test, or a current that counts the other way? Then turn its "
+                        "sign.",
+                        record.name,
+                    )
+                )
     if speed is not None:
         distance = speed.absolute / 1000.0
     if net is not None and drawn is not None and distance is not None:
@@ -161,18 +161,16 @@ def general_information(record: Record, motor: Motor) -> GeneralInformation:
                 )
             )
     values = (net, drawn, distance, consumption, without, reduction)
-    for (name, _, _), value in zip(FIGURES, values, strict=True):
-        if value is None and name not in undefined:
-            missing = [f"no {what}" for what in NEEDS[name] if what in lacking]
+    for figure, value in zip(FIGURES, values, strict=True):
+        if value is None and figure.name not in undefined:
+            missing = [f"no {what}" for what in figure.needs if what in lacking]
             why = f"{' and '.join(missing)} in the record" if missing else "no vehicle is stated"
-            undefined[name] = why
-    longest = max(integrals.values(), key=lambda i: i.covered_s, default=None)
+            undefined[figure.name] = why
     return GeneralInformation(
         *values,
         undefined=undefined,
         formulas=tuple(course.formula for course in courses.values()),
-        covered_s=0.0 if longest is None else longest.covered_s,
-        left_out_s=0.0 if longest is None else longest.left_out_s,
+        covered_s=max((each.covered_s for each in integrals.values()), default=0.0),
         findings=tuple(findings),
         of_vehicle=of_vehicle,
     )
@@ -190,22 +188,14 @@ def _integrals(record: Record, courses: Mapping[str, Course]) -> dict[str, Integ
         )
     if not courses:
         return {}
-    columns = {name: course.values for name, course in courses.items()}
-    drive = Record(record.name, {"time_s": record.time_s, **columns})
-    common_s, *values = samples(drive, *columns)
+    common_s, *values = measured(record, *(course.values for course in courses.values()))
     if common_s.size < 2:
         raise InputError(
-            f"Expected at least two samples with {' and '.join(columns)}, got {common_s.size}.",
+            f"Expected at least two samples with {' and '.join(courses)}, got {common_s.size}.",
             where=record.name,
             remedy="Check that the columns are mapped and filled at the same times.",
         )
-    return {n: integrate(common_s, v) for n, v in zip(columns, values, strict=True)}
-
-
-def _not_determined(record: Record, name: str, error: InputError) -> Finding:
-    return Finding(
-        f"no_{name}", "warning", error.problem, error.where, error.remedy, test=record.name
-    )
+    return {n: integrate(common_s, v) for n, v in zip(courses, values, strict=True)}
 
 
 def _gaps(record: Record, integrals: Mapping[str, Integral]) -> list[Finding]:
@@ -230,31 +220,12 @@ def _gaps(record: Record, integrals: Mapping[str, Integral]) -> list[Finding]:
     ]
 
 
-def _sign(record: Record, power: Integral) -> list[Finding]:
-    if power.positive > 0.0 or power.negative == 0.0:
-        return []
-    return [
-        Finding(
-            "power_negative",
-            "warning",
-            f"Expected power to be drawn; it is negative throughout, {power.net / J_PER_KWH:.4g} "
-            "kWh in all.",
-            record.name,
-            "A braking test, or a current that counts the other way? Then turn its sign.",
-            record.name,
-        )
-    ]
-
-
-NAMES = (*(name for name in CHANNEL if name != "time_s"), *(name for name, _, _ in FIGURES))
+NAMES = (*(name for name in CHANNEL if name != "time_s"), *(one.name for one in FIGURES))
 """What a tolerance can be given for: channels, and figures of the General Information table."""
 
 
 def parse_tolerances(texts: Sequence[str]) -> dict[str, float]:
-    """Return tolerances by channel or figure.
-
-    Args:
-        texts: Each `NAME=VALUE`, in the unit at the end of the name (K for degC).
+    """Return tolerances by name from texts `NAME=VALUE`, in the unit of the name (K for degC).
 
     Raises:
         UsageError: If a text is no such pair, the name is unknown or the value not positive.

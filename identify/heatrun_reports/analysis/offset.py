@@ -37,16 +37,12 @@ CLOSEST = 1e-6
 """Unexplained share of the variance [1] below which two signals count as the same."""
 
 
-def likeness(
+def _likeness(
     test: Record, reference: Record, channels: Sequence[str], offset_s: float
 ) -> dict[str, float]:
     """Return the correlation of each signal that varies [1], at the samples of the test.
 
-    Args:
-        test: The record whose clock is kept.
-        reference: The other record, interpolated.
-        channels: Signals that both hold.
-        offset_s: What is added to the reference's clock [s].
+    The reference is interpolated, an offset [s] added to its clock.
     """
     found = {}
     for channel in channels:
@@ -129,7 +125,7 @@ class Courses:
         channels: Sequence[str],
         offset_s: float,
         grid_s: float,
-    ) -> Courses:
+    ) -> Courses:  # fmt: skip
         """Smooth two records for a grid [s], which stand to each other about by an offset [s]."""
         ours_s, theirs_s = samples(test)[0], samples(reference)[0]
         time_s = np.arange(ours_s[0], ours_s[-1], grid_s)
@@ -163,10 +159,7 @@ class Courses:
 
 
 def _log_likelihood(
-    courses: Courses,
-    window_s: tuple[float, float],
-    weight: Mapping[str, float],
-    offset_s: float,
+    courses: Courses, window_s: tuple[float, float], weight: Mapping[str, float], offset_s: float
 ) -> float:
     lines = courses.lines(offset_s, window_s)
     return sum(weight.get(name, 0.0) * _score(r) for name, r, _ in lines)
@@ -265,14 +258,12 @@ class Offset:
         offset_s: What is added to the reference's clock to give the test's [s].
         sd_s: Standard uncertainty [s]: of the fit, and of where in its interval a logger stamps; 0
             where the offset was given.
-        correlation: Of each shared signal at this offset [1].
         method: How it was found.
         findings: Doubts about it.
     """
 
     offset_s: float
     sd_s: float
-    correlation: dict[str, float]
     method: str
     findings: tuple[Finding, ...] = ()
 
@@ -282,11 +273,6 @@ def find_offset(test: Record, reference: Record, channels: Sequence[str]) -> Off
 
     The score at an offset is the mean over the signals of $-\tfrac12\ln(1 - r^2)$, the gain in log
     likelihood per sample of a straight line over a constant; correlations below 0 count as 0.
-
-    Args:
-        test: The record whose clock is kept.
-        reference: The other record.
-        channels: Signals that both hold.
 
     Raises:
         InputError: If no signal varies in both, or none follows the other at any offset.
@@ -305,7 +291,7 @@ def find_offset(test: Record, reference: Record, channels: Sequence[str]) -> Off
     offsets_s, scores = _search(test, reference, channels, grid_s, spans_s)
     start_s = float(offsets_s[np.argmax(scores)])
     offset_s, fit_sd_s = _refined(test, reference, channels, start_s, grid_s)
-    found = likeness(test, reference, channels, offset_s)
+    found = _likeness(test, reference, channels, offset_s)
     most = max(found.values(), default=0.0)
     if most < MIN_CORRELATION:
         raise InputError(
@@ -319,7 +305,6 @@ def find_offset(test: Record, reference: Record, channels: Sequence[str]) -> Off
     return Offset(
         offset_s=offset_s,
         sd_s=sd_s,
-        correlation=found,
         method=f"shared signals: {', '.join(found)}",
         findings=tuple(_doubts(where, test.name, offset_s, sd_s, offsets_s, scores)),
     )
@@ -355,12 +340,7 @@ def _even(record: Record, channel: str, grid_s: float) -> np.ndarray:
 
 
 def _doubts(
-    where: str,
-    test: str,
-    offset_s: float,
-    sd_s: float,
-    offsets_s: np.ndarray,
-    scores: np.ndarray,
+    where: str, test: str, offset_s: float, sd_s: float, offsets_s: np.ndarray, scores: np.ndarray
 ) -> Iterator[Finding]:
     """Warn of another offset, apart from the best, that fits nearly as well, and of a wide one."""
     best = int(np.argmax(scores))

@@ -16,7 +16,7 @@ from heatrun.record.record import Finding, Record
 from heatrun.record.samples import median_step, samples
 
 from .drive import has, with_powers
-from .offset import Offset, find_offset, likeness
+from .offset import Offset, find_offset
 
 FINER = 0.5
 """A record that samples at this share of the other's step or finer is averaged, not interpolated,
@@ -28,15 +28,12 @@ FEWEST = 10
 
 @dataclass(frozen=True)
 class Pair:
-    """Two records on the clock of the first.
+    """Two records, the test and its reference, on the clock of the first.
 
     Attributes:
-        test: Name of the first.
-        reference: Name of the second.
         time_s: Common axis on the test's clock [s], shape (common,).
         ours: Channels of the test, shape (common,) each; NaN where it has none.
         theirs: The same channels of the reference.
-        offset: How the clocks stand to each other.
         method: How the common axis came about.
         findings: What is not compared, and doubts about the offset.
     """
@@ -57,17 +54,21 @@ class Pair:
             InputError: If too few common samples are left.
         """
         inside = (self.time_s >= from_s) & (self.time_s <= to_s)
-        if np.sum(inside) < FEWEST:
-            raise InputError(
-                f"Expected at least {FEWEST} samples common to all, got {np.sum(inside)}.",
-                where=f"{self.test}, {self.reference}",
-                remedy="Are they of one manoeuvre?",
-            )
+        _require_enough(int(np.sum(inside)), "samples common to all", self.test, self.reference)
         return replace(
             self,
             time_s=self.time_s[inside],
             ours={name: values[inside] for name, values in self.ours.items()},
             theirs={name: values[inside] for name, values in self.theirs.items()},
+        )
+
+
+def _require_enough(num: int, what: str, test: str, reference: str) -> None:
+    if num < FEWEST:
+        raise InputError(
+            f"Expected at least {FEWEST} {what}, got {num}.",
+            where=f"{test}, {reference}",
+            remedy="Are they of one manoeuvre?",
         )
 
 
@@ -102,8 +103,7 @@ def pair_records(
         offset = find_offset(test, reference, channels)
     else:
         _require_overlap(test, reference, offset_s)
-        found = likeness(test, reference, channels, offset_s)
-        offset = Offset(offset_s, 0.0, found, "by --offset")
+        offset = Offset(offset_s, 0.0, "by --offset")
     _require_overlap(test, reference, offset.offset_s)
     axis, method, is_averaged = _axis(test, reference, offset.offset_s)
     ours = _on(axis, test, channels, 0.0, is_averaged == "test")
@@ -141,12 +141,7 @@ def _axis(test: Record, reference: Record, offset_s: float) -> tuple[np.ndarray,
     stamps = ours if coarse == "test" else theirs
     inside = (stamps >= max(ours[0], theirs[0])) & (stamps <= min(ours[-1], theirs[-1]))
     axis = stamps[inside]
-    if axis.size < FEWEST:
-        raise InputError(
-            f"Expected at least {FEWEST} common samples, got {axis.size}.",
-            where=f"{test.name}, {reference.name}",
-            remedy="Are they of one manoeuvre?",
-        )
+    _require_enough(axis.size, "common samples", test.name, reference.name)
     head = f"common axis: the samples of the {coarse} ({steps[coarse]:.3g} s apart)"
     if steps[fine] <= FINER * steps[coarse]:
         return axis, f"{head}; the {fine} is averaged over the time each stands for.", fine
@@ -162,10 +157,9 @@ def _on(
     stamps = Record(record.name, {"time_s": axis})
     means, _ = joined_channels(stamps, Record(record.name, kept), offset_s)
     place = np.searchsorted(axis, means["time_s"])
-    result = {}
-    for channel in channels:
-        result[channel] = np.full(axis.size, np.nan)
-        result[channel][place] = means[channel]
+    result = {channel: np.full(axis.size, np.nan) for channel in channels}
+    for channel, values in result.items():
+        values[place] = means[channel]
     return result
 
 
@@ -188,13 +182,5 @@ def _not_compared(test: Record, reference: Record, channels: list[str]) -> tuple
         alone = [c for c in record.channels if c not in channels and c != "time_s"]
         if alone:
             lines.append(f"{', '.join(alone)} of {record.name} (not measured in {other.name})")
-    if not lines:
-        return ()
-    return (
-        Finding(
-            "not_compared",
-            "note",
-            f"Not compared: {'; '.join(lines)}.",
-            test=test.name,
-        ),
-    )
+    said = f"Not compared: {'; '.join(lines)}."
+    return (Finding("not_compared", "note", said, test=test.name),) if lines else ()

@@ -21,8 +21,8 @@ from heatrun.record.samples import median_step, rounding_step, samples, sink_cha
 
 from ..report import NOT_OF_THE_MACHINE
 from ..simulated import Limits, Reference, bands_on_axis
-from .drive import DC, TERMINALS, bridged_steps, electrical_power, integrate, with_powers
-from .general_information import FIGURES, J_PER_KWH, NEEDS, general_information
+from .drive import DC, TERMINALS, electrical_power, integrate, weights, with_powers
+from .general_information import FIGURES, J_PER_KWH, general_information
 from .pair import Pair, pair_records
 
 SHARE = 0.05
@@ -31,7 +31,7 @@ SHARE = 0.05
 COVER = 2.0
 """Coverage factor k of the combined uncertainty [1]: about 95 %."""
 
-DecidedBy = Literal["given", "rise", "magnitude", "uncertainty", "nothing"]
+DecidedBy = Literal["given", "rise", "magnitude", "uncertainty"]
 
 PERCENT = f"{100.0 * SHARE:.0f} %"
 
@@ -56,25 +56,16 @@ class Tolerance:
         value: In the unit of the channel (K for temperatures) or figure.
         decided_by: Which limit it is.
         basis: For the report, with the limit that did not decide.
-        uncertainty: Combined uncertainty of both sides, k = 2, in the same unit; 0 where nothing
-            is known of it.
     """
 
     value: float
     decided_by: DecidedBy
     basis: str
-    uncertainty: float = 0.0
 
 
 @dataclass(frozen=True)
 class Scale:
-    """What the difference of a signal matters against.
-
-    Attributes:
-        value: Rise [K] or largest magnitude [unit of the channel]; 0 for none.
-        kind: Which of the two.
-        unit: As printed.
-    """
+    """What a difference of a signal matters against: rise [K] or largest magnitude; 0 for none."""
 
     value: float
     kind: Literal["rise", "magnitude"]
@@ -92,16 +83,10 @@ def tolerance_of(
     their combined uncertainty. The larger one is the tolerance, since a difference that does not
     matter is no disagreement, and one that the instruments cannot tell is none either. A tolerance
     that the user gives stands in place of both.
-
-    Args:
-        channel: The signal.
-        scale: What its difference matters against.
-        uncertainty: Combined standard uncertainty of both sides, in the unit of the channel.
-        given: The user's, by channel.
     """
-    expanded = COVER * uncertainty
     if channel in given:
-        return Tolerance(given[channel], "given", "given", expanded)
+        return Tolerance(given[channel], "given", "given")
+    expanded = COVER * uncertainty
     relative = SHARE * scale.value
     what = "rise" if scale.kind == "rise" else "largest magnitude"
     matters = f"{PERCENT} of the {what} of {scale.value:.1f} {scale.unit}"
@@ -109,24 +94,11 @@ def tolerance_of(
     if expanded == 0.0:
         known = "nothing is known of the uncertainty"
     if scale.value == 0.0:
-        return Tolerance(expanded, "uncertainty", known, expanded)
+        return Tolerance(expanded, "uncertainty", known)
     if expanded > relative:
         basis = f"{known}, above {matters} = {relative:.2g} {scale.unit}"
-        return Tolerance(expanded, "uncertainty", basis, expanded)
-    return Tolerance(relative, scale.kind, f"{matters}; {known}", expanded)
-
-
-def tolerance_of_figure(name: str, reference: float, given: Mapping[str, float]) -> Tolerance:
-    """Return the tolerance of a figure such as the energy.
-
-    Args:
-        name: As in the General Information table.
-        reference: Figure of the reference.
-        given: The user's, by name.
-    """
-    if name in given:
-        return Tolerance(given[name], "given", "given")
-    return Tolerance(SHARE * abs(reference), "magnitude", f"{PERCENT} of the reference's figure")
+        return Tolerance(expanded, "uncertainty", basis)
+    return Tolerance(relative, scale.kind, f"{matters}; {known}")
 
 
 HELD = 0.95
@@ -143,13 +115,8 @@ CLASSES = {p.name: p.sd for p in (*INSTRUMENTS, CURRENT_GAIN)}
 
 
 def scale_of(channel: str, pair: Pair, reference: Record, motor: Motor) -> Scale:
-    """Return what a difference in a signal matters against.
-
-    Args:
-        channel: A signal of the pair.
-        pair: Both on one axis.
-        reference: The reference on its own clock.
-        motor: Says which channel is the sink.
+    """Return what a difference in a signal of a pair matters against; the reference is on its own
+    clock.
     """
     symbol = CHANNEL[channel].unit
     theirs = pair.theirs[channel]
@@ -175,13 +142,7 @@ def combined_uncertainty(
 ) -> float:
     """Return the combined standard uncertainty of a difference, in the unit of the channel.
 
-    Args:
-        channel: A signal of both.
-        scale: Rise or largest magnitude.
-        test: The test.
-        reference: The other prototype's record; of a simulation only its band counts.
-        band: Its 95 % limits, or None.
-        motor: Holds what the motor file says of the instruments.
+    Of a simulation only its 95 % band counts.
     """
     ours = reading_uncertainty(channel, scale, test, motor)
     if band is not None:
@@ -196,13 +157,8 @@ def combined_uncertainty(
 
 
 def reading_uncertainty(channel: str, scale: Scale, record: Record, motor: Motor) -> float:
-    """Return the standard uncertainty of a reading: class of its sensor, and step of its readings.
-
-    Args:
-        channel: A measured signal.
-        scale: Rise [K] or largest magnitude.
-        record: Where it stands.
-        motor: Holds what the motor file says of the instruments.
+    """Return the standard uncertainty of a reading [unit of the channel]: class of its sensor, and
+    step of its readings.
     """
     step = rounding_step(samples(record, channel)[1]) or 0.0
     parts = [step / np.sqrt(12.0)]
@@ -219,11 +175,8 @@ def reading_uncertainty(channel: str, scale: Scale, record: Record, motor: Motor
 
 
 def instrument_class(name: str, motor: Motor) -> float:
-    """Return the standard uncertainty of an instrument: the motor file's, else that of its class.
-
-    Args:
-        name: Such as `"current_gain"`, as `[parameters]` of the motor file calls it.
-        motor: Its overrides; 0 where it holds the value fixed.
+    """Return the standard uncertainty of an instrument such as `"current_gain"`: the motor file's,
+    0 where that holds the value fixed, else that of its class.
     """
     given = motor.parameters.get(name)
     if given is not None and given.fixed is not None:
@@ -234,6 +187,9 @@ def instrument_class(name: str, motor: Motor) -> float:
 Verdict = Literal["agrees", "biased", "differs", "input", "not comparable"]
 
 ORDER = {channel.name: number for number, channel in enumerate(CHANNELS)}
+
+NO_EVIDENCE = ("input", "not comparable", "not judged")
+"""Verdicts on what says nothing of how well two prototypes agree."""
 
 INSIDE = 0.95
 """Share of the time that must lie inside the tolerance [1]: what a 95 % band would hold."""
@@ -281,39 +237,8 @@ class SignalComparison:
     verdict: Verdict
 
 
-def compare_signals(
-    pair: Pair,
-    tolerances: Mapping[str, Tolerance],
-    bands: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None,
-    inputs: Container[str] = (),
-) -> tuple[SignalComparison, ...]:
-    """Compare two prototypes signal by signal.
-
-    Args:
-        pair: Both on one axis.
-        tolerances: By channel.
-        bands: Lower and upper 95 % limit of the reference by channel, shape (common,) each.
-        inputs: Channels of the test that drove the reference.
-
-    Returns:
-        One comparison for each shared signal, in the order of `place`.
-    """
-    limits = bands or {}
-    return tuple(
-        replace(row, verdict="input") if row.channel in inputs else row
-        for row in (
-            _compare(pair, name, tolerances[name], limits.get(name))
-            for name in sorted(pair.ours, key=place)
-        )
-    )
-
-
 def place(channel: str) -> tuple[int, int]:
-    """Return where a signal stands: temperatures of the machine first, of what is about it last.
-
-    Args:
-        channel: Name of the channel.
-    """
+    """Return where a signal stands: temperatures of the machine first, of what is about it last."""
     number = ORDER.get(channel, len(ORDER))
     if channel in NOT_OF_THE_MACHINE:
         return 2, number
@@ -321,21 +246,18 @@ def place(channel: str) -> tuple[int, int]:
 
 
 def _compare(
-    pair: Pair,
-    channel: str,
-    tolerance: Tolerance,
-    band: tuple[np.ndarray, np.ndarray] | None,
+    pair: Pair, channel: str, tolerance: Tolerance, band: Limits | None, *, is_input: bool
 ) -> SignalComparison:
+    """Compare a signal of two prototypes; one that drove a simulation is no evidence."""
     ours, theirs = pair.ours[channel], pair.theirs[channel]
     known = np.isfinite(ours) & np.isfinite(theirs)
     if np.sum(known) < 2:
-        nan = float("nan")
+        nan, verdict = float("nan"), "input" if is_input else "not comparable"
         return SignalComparison(
-            channel, nan, nan, nan, nan, None, tolerance, nan, None, None, "not comparable"
+            channel, nan, nan, nan, nan, None, tolerance, nan, None, None, verdict
         )
     time_s, a, b = pair.time_s[known], ours[known], theirs[known]
-    steps = bridged_steps(time_s)
-    weight = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
+    weight = weights(time_s)
     weight = weight / np.sum(weight)
     difference = a - b
     bias = float(weight @ difference)
@@ -350,8 +272,10 @@ def _compare(
             in_band = float(weight @ ((a >= low) & (a <= high) & with_band) / (weight @ with_band))
     energy = None
     if channel.endswith("_W"):
-        drawn, theirs = (integrate(time_s, values).net / J_PER_KWH for values in (a, b))
-        energy = (drawn, theirs)
+        energy = integrate(time_s, a).net / J_PER_KWH, integrate(time_s, b).net / J_PER_KWH
+    verdict: Verdict = (
+        "agrees" if share >= INSIDE else "biased" if unbiased >= INSIDE else "differs"
+    )
     return SignalComparison(
         channel=channel,
         bias=bias,
@@ -363,7 +287,7 @@ def _compare(
         share_inside=share,
         share_in_band=in_band,
         energy_kWh=energy,
-        verdict="agrees" if share >= INSIDE else "biased" if unbiased >= INSIDE else "differs",
+        verdict="input" if is_input else verdict,
     )
 
 
@@ -382,26 +306,20 @@ OF_THE_DRIVE = ("dc_power_W", "electrical_power_W")
 
 @dataclass(frozen=True)
 class FigureComparison:
-    """One figure of two prototypes over the time in common.
+    """One figure of two prototypes over the time in common; test and reference in its unit.
 
     Attributes:
         name: As in the General Information table, or `energy_of_CHANNEL_kWh`.
-        label: As printed.
-        unit: As printed.
-        test: Of the test; None where undefined.
-        reference: Of the reference; None where undefined.
         difference_percent: Test minus reference over the reference's magnitude [%]; None where
             that is 0 or undefined.
-        tolerance: What counts as agreement.
-        verdict: Of the figure.
         note: Why there is no verdict; else empty.
     """
 
     name: str
     label: str
     unit: str
-    test: float | None
-    reference: float | None
+    test: float
+    reference: float
     difference_percent: float | None
     tolerance: Tolerance
     verdict: FigureVerdict
@@ -424,17 +342,8 @@ def compare_figures(
 ) -> tuple[FigureComparison, ...]:
     """Compare the General Information of two records, and the energies of other powers.
 
-    Args:
-        test: The test, cut to the time in common.
-        reference: The other record, cut to it too.
-        motor: Gives gear ratio and wheel radius.
-        signals: The comparison signal by signal.
-        given: Tolerances of the user by name.
-        inputs: Channels of a test that drove the reference: what follows from its speed is no
-            evidence either.
-
-    Returns:
-        Figures that both records have, in the order of the table.
+    Both are cut to the time in common; what both have is compared, in the order of the table. What
+    follows from the speed of a test that drove the reference is no evidence either.
     """
     found = []
     try:
@@ -442,39 +351,36 @@ def compare_figures(
     except InputError:  # fewer than two samples of a power or a speed: there is no figure
         return ()
     places = [_place(record, motor) for record in (test, reference)]
-    for name, label, unit in FIGURES:
+    for name, label, unit, needs, _ in FIGURES:
         a, b = getattr(ours, name), getattr(theirs, name)
         if a is None or b is None:
             continue
         one = _compared(name, label, unit, a, b, given)
         if name == "reduction_percent":
             one = replace(one, difference_percent=None, verdict="not judged")
-        elif "power" in NEEDS[name] and places[0] != places[1]:
+        elif "power" in needs and places[0] != places[1]:
             words = f"power of the test {places[0]}, of the reference {places[1]}"
             one = replace(one, verdict="not comparable", note=words)
-        elif "speed" in NEEDS[name] and "speed_rpm" in inputs:
+        elif "speed" in needs and "speed_rpm" in inputs:
             one = replace(one, verdict="input")
         found.append(one)
     has_energy = any(one.name == "energy_kWh" for one in found)
     for signal in signals:
         if signal.energy_kWh is None or (has_energy and signal.channel in OF_THE_DRIVE):
             continue
-        name = f"energy_of_{signal.channel.removesuffix('_W')}_kWh"
-        one = _compared(name, f"Energy by {_words(signal.channel)}", "kWh", *signal.energy_kWh, {})
+        stem = signal.channel.removesuffix("_W")
+        label = f"Energy by {stem.replace('_', ' ')}"
+        one = _compared(f"energy_of_{stem}_kWh", label, "kWh", *signal.energy_kWh, {})
         found.append(replace(one, verdict="input") if signal.verdict == "input" else one)
     return tuple(found)
-
-
-def evidence(figures: Sequence[FigureComparison]) -> tuple[FigureComparison, ...]:
-    """Return the figures that are judged."""
-    without: Container[str] = ("input", "not comparable", "not judged")
-    return tuple(one for one in figures if one.verdict not in without)
 
 
 def _compared(
     name: str, label: str, unit: str, a: float, b: float, given: Mapping[str, float]
 ) -> FigureComparison:
-    tolerance = tolerance_of_figure(name, b, given)
+    tolerance = Tolerance(SHARE * abs(b), "magnitude", f"{PERCENT} of the reference's figure")
+    if name in given:
+        tolerance = Tolerance(given[name], "given", "given")
     percent = 100.0 * (a - b) / abs(b) if b != 0.0 else None
     # what follows from sums may be off by their rounding
     slack = 1e-9 * max(abs(a), abs(b))
@@ -493,20 +399,12 @@ def _place(record: Record, motor: Motor) -> str:
     return next((place.partition(":")[0] for place in (DC, TERMINALS) if place in formula), "")
 
 
-def _words(channel: str) -> str:
-    return channel.removesuffix("_W").replace("_", " ")
-
-
 @dataclass(frozen=True)
 class Validation:
-    """Two prototypes beside each other.
+    """Two prototypes beside each other, signal by signal and figure by figure, with doubts.
 
     Attributes:
-        pair: Both on one axis.
-        signals: Signal by signal, in the order of the test's channels.
-        figures: Energy, distance and consumption over the time in common.
         bands: Lower and upper 95 % limit of the reference on the common axis, by channel.
-        findings: Doubts.
     """
 
     pair: Pair
@@ -518,12 +416,12 @@ class Validation:
     @property
     def judged(self) -> tuple[SignalComparison, ...]:
         """The signals that are evidence."""
-        return tuple(s for s in self.signals if s.verdict not in ("input", "not comparable"))
+        return tuple(s for s in self.signals if s.verdict not in NO_EVIDENCE)
 
     @property
     def judged_figures(self) -> tuple[FigureComparison, ...]:
         """The figures that are evidence."""
-        return evidence(self.figures)
+        return tuple(f for f in self.figures if f.verdict not in NO_EVIDENCE)
 
 
 def validate(
@@ -554,18 +452,18 @@ def validate(
 def judge(
     test: Record, reference: Reference, motor: Motor, pair: Pair, given: Mapping[str, float]
 ) -> Validation:
-    """Judge two aligned records signal by signal, and figure by figure.
-
-    Args:
-        test: The record whose clock the pair is on.
-        reference: The other prototype's.
-        motor: The machine.
-        pair: Both on one axis, or a part of it.
-        given: Tolerances of the user, as `validate`.
-    """
+    """Judge two aligned records, or a part of them, signal by signal and figure by figure."""
     bands = bands_on_axis(reference, pair)
-    limits = _tolerances(test, reference, motor, pair, bands, given)
-    signals = compare_signals(pair, limits, bands, reference.inputs)
+    powered = replace(reference, record=with_powers(reference.record, motor))
+    signals = []
+    for channel in sorted(pair.ours, key=place):
+        scale, band = scale_of(channel, pair, powered.record, motor), bands.get(channel)
+        unknown = combined_uncertainty(
+            channel, scale, with_powers(test, motor), powered, band, motor
+        )
+        tolerance = tolerance_of(channel, scale, unknown, given)
+        is_input = channel in reference.inputs
+        signals.append(_compare(pair, channel, tolerance, band, is_input=is_input))
     from_s, to_s = float(pair.time_s[0]), float(pair.time_s[-1])
     shift_s = pair.offset.offset_s
     figures = compare_figures(
@@ -573,26 +471,7 @@ def judge(
         motor, signals, given, reference.inputs,
     )  # fmt: skip
     findings = (*pair.findings, *_not_used(given, pair, figures))
-    return Validation(pair, signals, figures, bands, findings)
-
-
-def _tolerances(
-    test: Record,
-    reference: Reference,
-    motor: Motor,
-    pair: Pair,
-    bands: Mapping[str, Limits],
-    given: Mapping[str, float],
-) -> dict[str, Tolerance]:
-    """The tolerance of each shared signal."""
-    test = with_powers(test, motor)
-    reference = replace(reference, record=with_powers(reference.record, motor))
-    found = {}
-    for channel in pair.ours:
-        scale = scale_of(channel, pair, reference.record, motor)
-        unknown = combined_uncertainty(channel, scale, test, reference, bands.get(channel), motor)
-        found[channel] = tolerance_of(channel, scale, unknown, given)
-    return found
+    return Validation(pair, tuple(signals), figures, bands, findings)
 
 
 def align(test: Record, reference: Reference, motor: Motor, offset_s: float | None) -> Pair:
@@ -602,33 +481,23 @@ def align(test: Record, reference: Reference, motor: Motor, offset_s: float | No
     those at the stamp: a search by the inputs is off by half a step for the temperatures. So the
     offset that such a record brings along holds where the search is within a step of it.
 
-    Args:
-        test: The record whose clock is kept.
-        reference: The other prototype's.
-        motor: The machine.
-        offset_s: As `validate`.
-
     Raises:
         InputError: As `validate`.
     """
     if offset_s is not None:
         return pair_records(test, reference.record, motor, offset_s=offset_s)
     if reference.run:
-        pair = pair_records(test, reference.record, motor, offset_s=0.0)
-        return _by(pair, "none to be found: the test itself drove the run")
-    pair = pair_records(test, reference.record, motor)
-    found_s, known_s = pair.offset.offset_s, reference.starts_at_s
-    if known_s is None or abs(found_s - known_s) > median_step(samples(reference.record)[0]):
-        return pair
+        known_s, method = 0.0, "none to be found: the test itself drove the run"
+    else:
+        pair = pair_records(test, reference.record, motor)
+        found_s, known_s = pair.offset.offset_s, reference.starts_at_s
+        if known_s is None or abs(found_s - known_s) > median_step(samples(reference.record)[0]):
+            return pair
+        method = (
+            "the first stamp of the reference, which was simulated on the clock of a test (a "
+            f"search gives {found_s:+.2f} s, within a step of it)"
+        )
     pair = pair_records(test, reference.record, motor, offset_s=known_s)
-    return _by(
-        pair,
-        "the first stamp of the reference, which was simulated on the clock of a test (a search "
-        f"gives {found_s:+.2f} s, within a step of it)",
-    )
-
-
-def _by(pair: Pair, method: str) -> Pair:
     return replace(pair, offset=replace(pair.offset, method=method))
 
 

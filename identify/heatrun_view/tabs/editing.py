@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import panel as pn
 
@@ -24,8 +24,8 @@ from heatrun.model.catalogue import known_effects
 from heatrun.motor.file import parse_motor
 from heatrun.record.motor import Motor
 
-from ..background import in_background, without_event
-from ..look import text_pane
+from ..background import Latest
+from ..look import WIDE, button, on_change, stacked, text_pane
 from ..motor_text import (
     create_motor_file,
     fault_html,
@@ -36,10 +36,13 @@ from ..motor_text import (
     text_of_file,
     write_motor_file,
 )
-from ..reading import Reader, problem
+from ..reading import Reader
 from ..runs import run_name, typed_number
-from ..store import Stamp
+from ..store import NOTHING, Stamp
 from ..words import error_message, message
+
+if TYPE_CHECKING:
+    from .page import Page
 
 ROWS = 24
 
@@ -51,47 +54,9 @@ TEXT_CSS = """
 """
 
 
-class MotorPage(Protocol):
-    """The page, as the editor sees it.
-
-    Attributes:
-        reader: Reads and checks the tests.
-    """
-
-    reader: Reader
-
-    @property
-    def motor_name(self) -> str | None:
-        """The motor file that is chosen, or None."""
-        ...
-
-    @property
-    def chosen(self) -> list[str]:
-        """Names of the tests that are chosen."""
-        ...
-
-    @property
-    def root(self) -> Path:
-        """The folder outside of which nothing is written."""
-        ...
-
-    def path(self, name: str) -> Path:
-        """Return the file of a name in the lists."""
-        ...
-
-    def open_tests(self) -> None:
-        """Read the chosen tests again."""
-        ...
-
-
 @dataclass(frozen=True)
 class Draft:
-    """A text on the page.
-
-    Attributes:
-        base: What the file held when it was read.
-        text: What stands on the page.
-    """
+    """A text on the page, and what the file held when it was read."""
 
     base: bytes
     text: str
@@ -99,13 +64,7 @@ class Draft:
 
 @dataclass(frozen=True)
 class Answer:
-    """What came of a button.
-
-    Attributes:
-        said: As HTML.
-        is_refused: The text is no motor file.
-        saved: What the file holds now, None if it was not written.
-    """
+    """What came of a button, as HTML; what the file holds now, None if it was not written."""
 
     said: str
     is_refused: bool = False
@@ -116,46 +75,36 @@ class Editing:
     """The text of the motor file that is chosen on the left.
 
     A text that is not saved stays when another file is chosen, and when the file changes.
-
-    Attributes:
-        view: What goes on the page.
     """
 
-    def __init__(self, page: MotorPage) -> None:
+    def __init__(self, page: Page) -> None:
         self._page = page
         self._name: str | None = None
         self._path: Path | None = None
         self._base: bytes | None = None
-        self._stamp = Stamp(-1, -1)
+        self._stamp = NOTHING
         self._now = ""
         self._drafts: dict[str, Draft] = {}
         self._own: str | None = None
         self._is_sent = False
+        self._latest = Latest()
         self._head, self._changed, self._said = text_pane(), text_pane(), text_pane()
         self._text = pn.widgets.TextAreaInput(
-            name="Text", rows=ROWS, max_length=LARGEST_BYTES, sizing_mode="stretch_width",
+            name="Text", rows=ROWS, max_length=LARGEST_BYTES, sizing_mode=WIDE,
             stylesheets=[TEXT_CSS],
         )  # fmt: skip
-        self._check = pn.widgets.Button(name="Check", width=90)
-        self._save = pn.widgets.Button(name="Save", button_type="primary", width=90)
-        self._anyway = pn.widgets.Button(name="Save all the same", width=150, visible=False)
-        self._reload = pn.widgets.Button(name="Read the file again", width=150)
-        self._back = pn.widgets.Button(name="Back to my text", width=130, visible=False)
+        self._check = button("Check", self._check_text, 90)
+        self._save = button("Save", lambda: self._write(is_forced=False), 90, button_type="primary")
+        self._anyway = button(
+            "Save all the same", lambda: self._write(is_forced=True), 150, visible=False
+        )
+        self._reload = button("Read the file again", self._read_again, 150)
+        self._back = button("Back to my text", self._to_own, 130, visible=False)
         self._buttons = (self._check, self._save, self._anyway, self._reload, self._back)
-        for button, act in zip(
-            self._buttons,
-            (self._check_text, self._save_text, self._save_anyway, self._read_again, self._to_own),
-            strict=True,
-        ):
-            button.on_click(without_event(act))
         for name in ("value", "value_input"):
             self._text.param.watch(lambda event: self._typed(event.new), name)
-        self._form = pn.Column(
-            self._text, pn.FlexBox(*self._buttons), sizing_mode="stretch_width", visible=False
-        )
-        self.view = pn.Column(
-            self._head, self._changed, self._form, self._said, sizing_mode="stretch_width"
-        )
+        self._form = stacked(self._text, pn.FlexBox(*self._buttons), visible=False)
+        self.view = stacked(self._head, self._changed, self._form, self._said)
 
     def choose(self) -> None:
         """Show the motor file that is chosen on the left."""
@@ -163,7 +112,8 @@ class Editing:
         if name is not None and name == self._name and self._base is not None:
             self.look()
             return
-        self._keep_draft()
+        if self._name is not None and self._base is not None and self._is_dirty:
+            self._drafts[self._name] = Draft(self._base, self._now)
         self._name, self._path, self._base, self._own = name, None, None, None
         self._is_sent = False
         self._said.object = self._changed.object = ""
@@ -183,7 +133,7 @@ class Editing:
         if draft is not None:
             self._show(draft.text)
             self._base = draft.base
-            self._stamp = Stamp(-1, -1)  # the next look holds the file against it
+            self._stamp = NOTHING  # the next look holds the file against it
             self.look()
 
     def look(self) -> None:
@@ -203,10 +153,6 @@ class Editing:
     def _is_dirty(self) -> bool:
         """Whether something stands on the page that is not in the file as it was read."""
         return self._base is not None and self._now != text_of_file(self._base, str(self._name))
-
-    def _keep_draft(self) -> None:
-        if self._name is not None and self._base is not None and self._is_dirty:
-            self._drafts[self._name] = Draft(self._base, self._now)
 
     def _take(self, path: Path) -> None:
         """Show what the file holds."""
@@ -254,14 +200,9 @@ class Editing:
 
         self._start(work)
 
-    def _save_text(self) -> None:
-        self._write(self._now, is_forced=False)
-
-    def _save_anyway(self) -> None:
-        self._write(self._now, is_forced=True)
-
-    def _write(self, text: str, *, is_forced: bool) -> None:
+    def _write(self, *, is_forced: bool) -> None:
         path, base, name, root = self._path, self._base, str(self._name), self._page.root
+        text = self._now
         if path is None or base is None:
             return
 
@@ -273,14 +214,11 @@ class Editing:
             except InputError as error:
                 not_saved = message("warning", "Not saved: the text is no motor file.")
                 return Answer(not_saved + fault_html(text, error), is_refused=True)
-            try:
-                if read_motor_file(path) != base:
-                    return Answer(CHANGED)
-                if text == text_of_file(base, name):
-                    return Answer(message("note", "Nothing was changed, and nothing written."))
-                write_motor_file(root, path, base, after)
-            except InputError as error:
-                return Answer(error_message(error))
+            if read_motor_file(path) != base:
+                return Answer(CHANGED)
+            if text == text_of_file(base, name):
+                return Answer(message("note", "Nothing was changed, and nothing written."))
+            write_motor_file(root, path, base, after)
             return Answer(message("note", f"Written into {name}."), saved=after)
 
         self._start(work)
@@ -290,23 +228,17 @@ class Editing:
         name = self._name
         self._said.object = "<p class='faded'>Checking …</p>"
         self._changed.object = ""
-        for button in self._buttons:
-            button.disabled = True
+        for each in self._buttons:
+            each.disabled = True
 
-        def done() -> Answer:
-            try:
-                return work()
-            except Exception as error:
-                return Answer(problem(str(name), error))
-
-        def show(answer: Answer) -> None:
-            for button in self._buttons:
-                button.disabled = False
+        def show(found: Answer | str) -> None:
+            for each in self._buttons:
+                each.disabled = False
             self._save.disabled = self._is_sent
             if name == self._name:
-                self._say(answer)
+                self._say(Answer(found) if isinstance(found, str) else found)
 
-        in_background(done, show)
+        self._latest.ask(str(name), work, show)
 
     def _say(self, answer: Answer) -> None:
         self._said.object = answer.said
@@ -354,15 +286,10 @@ def _parsed(data: bytes, where: str) -> Motor:
 
 
 LONGEST_LABEL = 90
-WIDE = "stretch_width"
 
 
 class Row:
-    """A channel: ticked where it is read, with the columns that it may be.
-
-    Attributes:
-        view: What goes on the page.
-    """
+    """A channel: ticked where it is read, with the columns that it may be."""
 
     def __init__(self, choice: Choice) -> None:
         self._choice = choice
@@ -372,7 +299,7 @@ class Row:
             options=name, value=name if choice.is_proposed else [], width=190, align="center"
         )
         self._side = pn.widgets.Select(options=options, sizing_mode=WIDE, max_width=620)
-        self._side.param.watch(lambda _: self._read.param.update(value=name), "value")
+        on_change(lambda: self._read.param.update(value=name), self._side)
         self.view = pn.FlexBox(self._read, self._side)
 
     @property
@@ -384,11 +311,7 @@ class Row:
 
 
 class Start:
-    """Four steps, each open once the one before is done.
-
-    Attributes:
-        view: What goes on the page.
-    """
+    """Four steps, each open once the one before is done."""
 
     def __init__(
         self, reader: Reader, root: Path, written: Callable[[str], None], fit: Callable[[], None]
@@ -400,29 +323,23 @@ class Start:
         self._rows: list[Row] = []
         self._numbers: dict[str, pn.widgets.TextInput] = {}
         self._tests, self._said = text_pane(), text_pane()
-        self._columns = pn.Column(sizing_mode=WIDE)
+        self._columns, self._latest = stacked(), Latest()
         self._name = pn.widgets.TextInput(name="File name", value="motor.toml")
-        write = pn.widgets.Button(name="Write motor file", button_type="primary", width=180)
-        write.on_click(lambda _: self._write())
-        self._form = pn.Column(
+        write = button("Write motor file", self._write, 180, button_type="primary")
+        self._form = stacked(
             text_pane("<h3>2 Columns: untick or change what is wrong</h3>"), self._columns,
-            text_pane("<h3>3 Motor file</h3>"), self._name, write, sizing_mode=WIDE, visible=False,
+            text_pane("<h3>3 Motor file</h3>"), self._name, write, visible=False,
         )  # fmt: skip
-        calibrate = pn.widgets.Button(name="Calibrate these tests", button_type="primary")
-        calibrate.on_click(lambda _: fit())
+        calibrate = button("Calibrate these tests", fit, button_type="primary")
         self._fit = pn.Column(text_pane("<h3>4 Calibration</h3>"), calibrate, visible=False)
-        self.view = pn.Column(self._tests, self._form, self._said, self._fit, sizing_mode=WIDE)
+        self.view = stacked(self._tests, self._form, self._said, self._fit)
 
     def offer(self, tests: Sequence[str], motor: str | None) -> None:
-        """Take other tests, or a motor file that describes them already.
-
-        Args:
-            tests: As the page lists them.
-            motor: As the page lists it, or None.
-        """
+        """Take other tests, or a motor file that describes them already, as the page lists them."""
         if self._offered == (tests, motor):
             return
         self._offered = (tests, motor)
+        self._latest.forget()
         self._form.visible = self._fit.visible = False
         names = ", ".join(map(escape, tests))
         self._tests.object = "<h3>1 Tests</h3>" + (
@@ -440,22 +357,13 @@ class Start:
 
     def _look_at(self, tests: Sequence[str]) -> None:
         self._said.object = "<p class='faded'>Looking at the columns …</p>"
-        offered = self._offered
-
-        def work() -> Sequence[Survey] | str:
-            try:
-                return self._reader.survey(tests)
-            except Exception as error:
-                return problem(", ".join(tests), error)
 
         def show(found: Sequence[Survey] | str) -> None:
-            if self._offered is not offered:
-                return
             self._said.object = found if isinstance(found, str) else ""
             if not isinstance(found, str):
                 self._ask(found)
 
-        in_background(work, show)
+        self._latest.ask(", ".join(tests), lambda: self._reader.survey(tests), show)
 
     def _ask(self, surveys: Sequence[Survey]) -> None:
         """Show what is proposed, and ask for what is missing."""

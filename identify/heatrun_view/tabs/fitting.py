@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from pathlib import Path
-from typing import Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 import panel as pn
@@ -17,84 +17,25 @@ from heatrun.errors import InputError
 from heatrun.io.whole_files import free_name
 from heatrun.reports.terminal import verdict_lines
 from heatrun.results import DiscoveryResult, FitResult
-from heatrun_reports import Kind
 
 from ..background import Soon, in_order
 from ..linked import Band, Plots, Told
-from ..look import Screen, text_pane
+from ..look import WIDE, Screen, button, on_change, stacked, text_pane
 from ..running_jobs import Job, JobQueue
 from ..runs import Run, run_name, run_view
 from ..store import Stamp
 from ..trace import LOOK_AT, MEASURED, MODEL, RESIDUAL, Trace
 from ..words import calibration_html, discovery_html, error_message, message
 
-
-class Choices(Protocol):
-    """A page, as its tabs see it.
-
-    Attributes:
-        out: Folder of the runs.
-    """
-
-    out: Path
-
-    @property
-    def kind(self) -> Kind:
-        """The test type that is chosen."""
-        ...
-
-    @property
-    def motor_path(self) -> Path | None:
-        """The motor file that is chosen, or None."""
-        ...
-
-    @property
-    def tests(self) -> list[str]:
-        """Names of the tests in folder and uploads."""
-        ...
-
-    @property
-    def simulated(self) -> list[str]:
-        """Names of the virtual records there."""
-        ...
-
-    @property
-    def chosen(self) -> list[str]:
-        """Names of the tests and virtual records that are chosen."""
-        ...
-
-    @property
-    def run(self) -> Run | None:
-        """The run whose simulated course is shown."""
-        ...
-
-    def path(self, name: str) -> Path:
-        """Return the file of a name in the lists.
-
-        Raises:
-            InputError: If there is none inside the folders that may be read.
-        """
-        ...
-
-    def pane(self, html: str) -> pn.pane.HTML:
-        """Return a pane of text in the page's style."""
-        ...
-
-    def list_runs(self, choose: Path | None = None) -> None:
-        """Bring the list of runs up to date; as `heatrun_view.tabs.page.Page.list_runs`."""
-        ...
+if TYPE_CHECKING:
+    from .page import Page
 
 
 HEIGHT_PX = 420
 
 
 class FitFigure:
-    """A choice of a test, and its figure.
-
-    Attributes:
-        view: What goes on the page.
-        test: Name of the test that is chosen, or None.
-    """
+    """A choice of a test, and its figure."""
 
     def __init__(self, choose: Callable[[], None]) -> None:
         """Take whom to tell that another test is chosen."""
@@ -102,9 +43,9 @@ class FitFigure:
         self._plots: Plots | None = None
         self._soon = Soon()
         self._tests = pn.widgets.Select(name="Test", width=280)
-        self._tests.param.watch(lambda _: choose(), "value")
-        self._place = pn.Column(sizing_mode="stretch_width")
-        self.view = pn.Column(self._tests, self._place, sizing_mode="stretch_width", visible=False)
+        on_change(choose, self._tests)
+        self._place = stacked()
+        self.view = stacked(self._tests, self._place, visible=False)
 
     @property
     def test(self) -> str | None:
@@ -135,8 +76,7 @@ class FitFigure:
         told = Told(self._soon, lambda *_: None, lambda *_: None, LOOK_AT)
         plots = self._plots = Plots(traces, [band], self._screen.look, HEIGHT_PX, told)
         self._place[:] = [
-            pn.pane.Bokeh(each, sizing_mode="stretch_width")
-            for each in (plots.layout, plots.readout)
+            pn.pane.Bokeh(each, sizing_mode=WIDE) for each in (plots.layout, plots.readout)
         ]
 
     def move(self, band: Band) -> None:
@@ -172,13 +112,12 @@ class Fitting(Generic[R]):
     """A form that starts a command on the chosen tests, and the runs it has made.
 
     Attributes:
-        view: What goes on the page.
         figure: Measured, model and residual of a test of the run that is shown.
     """
 
     def __init__(
         self,
-        page: Choices,
+        page: Page,
         queue: JobQueue,
         *,
         command: str,
@@ -194,30 +133,26 @@ class Fitting(Generic[R]):
         self._runs: dict[str, Run] = {}
         self._state: tuple[Path, Stamp] | None = None
         self._tests: list[str] = []
-        self._holdout = pn.widgets.CheckBoxGroup(sizing_mode="stretch_width")
+        self._holdout = pn.widgets.CheckBoxGroup(sizing_mode=WIDE)
         self._order = pn.widgets.Select(name="Network", options=dict(orders), width=200)
         self._quick = pn.widgets.Checkbox(
             name="Quick: importance sampling instead of MCMC where its diagnostics allow",
             value=True,
         )
         self._name = pn.widgets.TextInput(name="Name of the run", placeholder="by the test")
-        self._problem = page.pane("")
-        self._job = JobPane(queue, command.capitalize())
-        self._job.start.on_click(lambda _: self.start())
+        self._job = JobPane(queue, command.capitalize(), self._words, self._done)
         self._shown = pn.widgets.Select(name="Result of run", options=[NONE], width=320)
-        self._shown.param.watch(lambda _: self._show(), "value")
-        self._result = pn.Column(sizing_mode="stretch_width")
-        self.view = pn.Column(
-            page.pane(f"<p>{intro}</p>"),
-            page.pane("<h3>Held-out tests (predicted, not fitted)</h3>"),
-            pn.Column(self._holdout, max_height=120, scroll=True, sizing_mode="stretch_width"),
+        on_change(self._show, self._shown)
+        self._result = stacked()
+        self.view = stacked(
+            text_pane(f"<p>{intro}</p>"),
+            text_pane("<h3>Held-out tests (predicted, not fitted)</h3>"),
+            stacked(self._holdout, max_height=120, scroll=True),
             pn.FlexBox(self._order, self._name),
             self._quick,
             self._job.view,
-            self._problem,
             self._shown,
             self._result,
-            sizing_mode="stretch_width",
         )
 
     def offer(self, runs: Sequence[Run]) -> None:
@@ -232,20 +167,13 @@ class Fitting(Generic[R]):
 
     def start(self) -> None:
         """Start the command, or say what it lacks."""
-        try:
-            words, folder = self._words()
-        except InputError as error:
-            self._problem.object = error_message(error)
-            return
-        self._problem.object = ""
-        self._job.run(words, lambda job: self._done(job, folder))
+        self._job.begin()
 
-    def _words(self) -> tuple[list[str], Path]:
+    def _words(self) -> list[str]:
         page = self._page
         holdout = [str(name) for name in self._holdout.value]
         fitted = [name for name in page.chosen if name not in holdout]
-        if page.motor_path is None:
-            raise InputError("Expected a motor file.", remedy="Choose one in the side panel.")
+        motor = page.required_motor()
         if not fitted:
             raise InputError(
                 "Expected at least one test to fit.",
@@ -253,18 +181,19 @@ class Fitting(Generic[R]):
             )
         stem = Path(fitted[0]).name.split(".")[0]
         name = run_name(str(self._name.value), f"{run_name(stem, 'test')}_{self._command}")
-        folder = free_name(page.out / name)
-        words = [self._command, str(page.motor_path), *(str(page.path(name)) for name in fitted)]
+        self._folder = free_name(page.out / name)
+        words = [self._command, motor, *(str(page.path(name)) for name in fitted)]
         if holdout:
             words += ["--holdout", *(str(page.path(name)) for name in holdout)]
-        words += ["--model", str(self._order.value), "--out", str(folder)]
-        return words + (["--quick"] if self._quick.value else []), folder
+        words += ["--model", str(self._order.value), "--out", str(self._folder)]
+        return words + (["--quick"] if self._quick.value else [])
 
-    def _done(self, job: Job, folder: Path) -> None:
+    def _done(self, job: Job) -> None:
+        folder = self._folder
         self._page.list_runs(choose=folder)
         self._shown.value = folder.name if folder.name in self._runs else self._shown.value
         if job.output.get("run") is None:
-            self._problem.object = message("warning", "The command wrote no run folder.")
+            self._job.say(message("warning", "The command wrote no run folder."))
 
     def _show(self) -> None:
         run = self._runs.get(str(self._shown.value))
@@ -272,14 +201,15 @@ class Fitting(Generic[R]):
         if state == self._state:
             return
         self._state = state
-        self._tests = (
-            []
-            if run is None or run.calibration is None
-            else [f"{test.name} ({test.role})" for test in run.calibration.tests]
-        )
+        result = None if run is None else run.calibration
+        tests = () if result is None else result.tests
+        self._tests = [f"{test.name} ({test.role})" for test in tests]
         self.figure.offer(self._tests)
         self._draw()
-        self._result[:] = [] if run is None else [self._view_of(run)]
+        what = "calibration" if self._command == "calibrate" else "discovery"
+        self._result[:] = [] if run is None else [
+            run_view(run, self._read, self._verdict, self._say, what, self.figure.view)
+        ]  # fmt: skip
 
     def _draw(self) -> None:
         run, test = self._runs.get(str(self._shown.value)), self.figure.test
@@ -288,12 +218,8 @@ class Fitting(Generic[R]):
             found = run.band(self._tests.index(test) + 1, test)
         self.figure.show(found)
 
-    def _view_of(self, run: Run) -> pn.Column:
-        what = "calibration" if self._command == "calibrate" else "discovery"
-        return run_view(run, self._read, self._verdict, self._say, what, self.figure.view)
 
-
-def calibrating(page: Choices, queue: JobQueue) -> Fitting[FitResult]:
+def calibrating(page: Page, queue: JobQueue) -> Fitting[FitResult]:
     """Return the form and the results of `heatrun calibrate`."""
     return Fitting(
         page,
@@ -308,7 +234,7 @@ def calibrating(page: Choices, queue: JobQueue) -> Fitting[FitResult]:
     )  # fmt: skip
 
 
-def discovering(page: Choices, queue: JobQueue) -> Fitting[DiscoveryResult]:
+def discovering(page: Page, queue: JobQueue) -> Fitting[DiscoveryResult]:
     """Return the form and the results of `heatrun discover`."""
     return Fitting(
         page,
@@ -326,60 +252,66 @@ POLL_MS = 250
 
 
 class JobPane:
-    """Starts commands in the queue and shows how far they are.
+    """A button that queues a command, and how far that is."""
 
-    Attributes:
-        view: What goes on the page.
-        job: The command that is shown, None before the first.
-    """
-
-    def __init__(self, queue: JobQueue, start: str) -> None:
-        self.job: Job | None = None
-        self._queue = queue
-        self._when_done: Callable[[Job], None] | None = None
-        self._when_failed: Callable[[Job], None] | None = None
-        self._poll = None
-        self.start = pn.widgets.Button(name=start, button_type="primary", width=180)
-        self._cancel = pn.widgets.Button(name="Cancel", width=90, visible=False)
-        self._cancel.on_click(self._stop)
-        self._bar = pn.indicators.Progress(
-            value=0, max=100, sizing_mode="stretch_width", visible=False, bar_color="info"
-        )
-        self._words = text_pane()
-        self.view = pn.Column(
-            pn.Row(self.start, self._cancel), self._bar, self._words, sizing_mode="stretch_width"
-        )
-
-    def run(
+    def __init__(
         self,
-        words: Sequence[str],
+        queue: JobQueue,
+        start: str,
+        words: Callable[[], list[str]],
         when_done: Callable[[Job], None],
         when_failed: Callable[[Job], None] | None = None,
     ) -> None:
-        """Queue a command and follow it.
+        """Take what gives the words after `heatrun`, and whom to tell of the job once it is over.
 
         Args:
-            words: The words after `heatrun`.
+            queue: Of all tabs.
+            start: What stands on the button.
+            words: Raises InputError where something lacks.
             when_done: Told the job once it has succeeded.
             when_failed: Told the job once it has failed, for what there is of it all the same.
         """
+        self._job: Job | None = None
+        self._queue, self._asked = queue, words
+        self._when_done, self._when_failed = when_done, when_failed
+        self._poll = None
+        self.start = button(start, self.begin, 180, button_type="primary")
+        self._cancel = button("Cancel", self._stop, 90, visible=False)
+        self._bar = pn.indicators.Progress(
+            value=0, max=100, sizing_mode=WIDE, visible=False, bar_color="info"
+        )
+        self._words, self._problem = text_pane(), text_pane()
+        buttons = pn.Row(self.start, self._cancel)
+        self.view = stacked(buttons, self._bar, self._words, self._problem)
+
+    def say(self, html: str) -> None:
+        """Show a sentence below the progress."""
+        self._problem.object = html
+
+    def begin(self) -> None:
+        """Queue the command and follow it, or say what it lacks."""
+        self.say("")
         try:
-            self.job = self._queue.submit(words)
+            words = self._asked()
+        except InputError as error:
+            self.say(error_message(error))
+            return
+        try:
+            self._job = self._queue.submit(words)
         except InputError as error:
             self._words.object = error_message(error)
             return
-        self._when_done, self._when_failed = when_done, when_failed
         self.start.disabled = True
         self._cancel.visible = self._bar.visible = True
         self._refresh()
         self._poll = pn.state.add_periodic_callback(self._refresh, period=POLL_MS)
 
-    def _stop(self, _: object) -> None:
-        if self.job is not None:
-            self._queue.cancel(self.job)
+    def _stop(self) -> None:
+        if self._job is not None:
+            self._queue.cancel(self._job)
 
     def _refresh(self) -> None:
-        job = self.job
+        job = self._job
         assert job is not None
         self._bar.value = round(100 * job.share) if job.share > 0.0 else -1
         said = "".join(f"<br>{escape(line)}" for line in list(job.lines)[-6:])
@@ -392,7 +324,7 @@ class JobPane:
             self._poll = None
         self.start.disabled = False
         self._cancel.visible = self._bar.visible = False
-        if job.state == "done" and self._when_done is not None:
+        if job.state == "done":
             self._words.object = command
             self._when_done(job)
         elif job.state == "cancelled":
@@ -414,17 +346,13 @@ class JobPane:
 
 def _reason(job: Job) -> str:
     """Return why a command failed, in its own words."""
-    error = job.output.get("error")
-    if isinstance(error, dict):
-        parts = [str(error.get(key) or "") for key in ("where", "problem", "remedy")]
-        return " ".join(part for part in parts if part)
-    findings = job.output.get("findings")
-    if isinstance(findings, list):
-        grave = [f for f in findings if isinstance(f, dict) and f.get("severity") == "error"]
-        told = [
-            f"{f.get('where', '')}: {f.get('message', '')} {f.get('remedy', '')}" for f in grave
-        ]
-        return "The data do not allow it. " + " ".join(told)
+    error, findings = job.output.get("error"), job.output.get("findings")
+    if error:
+        return " ".join(filter(None, (error.get(k) for k in ("where", "problem", "remedy"))))
+    if findings:
+        grave = [f for f in findings if f["severity"] == "error"]
+        told = (f"{f['where']}: {f['message']} {f['remedy']}" for f in grave)
+        return f"The data do not allow it. {' '.join(told)}"
     if job.output:
         return "Part of it failed; see the results below."
     return "The command failed: " + (job.lines[-1] if job.lines else "no message.")

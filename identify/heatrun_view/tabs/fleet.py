@@ -25,9 +25,8 @@ from heatrun.io.quantities import printed_unit
 
 from ..background import in_order
 from ..fleets import STRIP, Fleet, Row, columns, details, files, fleets_under, headline, parameters
-from ..look import text_pane
-from ..reading import problem
-from ..words import message
+from ..look import WIDE, button, on_change, stacked, text_pane
+from ..words import message, problem
 
 LOOK_S = 5.0
 """How often a fleet is looked at for new machines."""
@@ -73,12 +72,7 @@ TABLE_CSS = """
 
 
 class FleetTab:
-    """The fleets of the folder that is shown.
-
-    Attributes:
-        view: The tab.
-        fleets: What there is.
-    """
+    """The fleets of the folder that is shown."""
 
     def __init__(self, root: Path, show_tests: Callable[[list[str], str | None], None]) -> None:
         self._root, self._show_tests = root, show_tests
@@ -95,21 +89,13 @@ class FleetTab:
         )
         self._text = pn.widgets.TextInput(name="Name or covariate holds", width=180)
         self._said, self._details = text_pane(), text_pane()
-        self._button = pn.widgets.Button(name="Show its tests", width=140, visible=False)
+        self._button = button("Show its tests", self._go_to_tests, 140, visible=False)
         self._grid = self._table()
-        self._place = pn.Column(sizing_mode="stretch_width")
-        self.view = pn.Column(
-            self._said,
-            pn.FlexBox(self._fleet, self._type, self._which, self._text),
-            self._place,
-            self._button,
-            self._details,
-            sizing_mode="stretch_width",
-        )
-        self._button.on_click(lambda _: self._go_to_tests())
-        self._fleet.param.watch(lambda _: self._read(), "value")
-        for widget in (self._type, self._which, self._text):
-            widget.param.watch(lambda _: self._fill(), "value")
+        self._place = stacked()
+        asked = pn.FlexBox(self._fleet, self._type, self._which, self._text)
+        self.view = stacked(self._said, asked, self._place, self._button, self._details)
+        on_change(self._read, self._fleet)
+        on_change(self._fill, self._type, self._which, self._text)
 
     def list_fleets(self) -> bool:
         """Bring the list of fleets up to date; return whether there is one."""
@@ -122,11 +108,7 @@ class FleetTab:
         return bool(self.fleets)
 
     def look(self, *, at_once: bool = False) -> None:
-        """Show what has come since, where a fleet is being worked out.
-
-        Args:
-            at_once: Not only every few seconds.
-        """
+        """Show what has come since, where a fleet is being worked out; every few seconds only."""
         fleet = self._fleet.value
         if fleet is None or (not at_once and time.monotonic() - self._looked < LOOK_S):
             return
@@ -158,9 +140,7 @@ class FleetTab:
         self._type.value = chosen if chosen in kinds else EVERY
         self._said.object = f"<p>{escape(headline(self._rows, self._sisters, fleet.is_whole))}</p>"
         self._grid = self._table()
-        self._place[:] = [
-            pn.pane.Bokeh(self._grid, sizing_mode="stretch_width", stylesheets=[TABLE_CSS])
-        ]
+        self._place[:] = [pn.pane.Bokeh(self._grid, sizing_mode=WIDE, stylesheets=[TABLE_CSS])]
         self._fill()
 
     def _say_problem(self, html: str) -> None:
@@ -216,7 +196,7 @@ class FleetTab:
                 for field, title, shape, width in asked
             ],
             index_position=None,
-            sizing_mode="stretch_width",
+            sizing_mode=WIDE,
             height=TABLE_PX,
             row_height=self._row_px,
             fit_columns=False,

@@ -16,13 +16,13 @@ import panel as pn
 from heatrun.errors import InputError
 from heatrun_reports import CARDS, Kind
 
-from ..background import LateTabs, in_background, without_event
-from ..look import Screen, asked_theme, framed, text_pane
-from ..reading import Reader, Reading, Refused, problem
+from ..background import LateTabs, in_background
+from ..look import Screen, asked_theme, framed, on_change, text_pane
+from ..reading import Reader, Reading, Refused
 from ..running_jobs import JobQueue
 from ..runs import Run, last_motor, runs_under
 from ..store import Folder, Listing, Opened, RecordStore, UploadRoom
-from ..words import error_message, message
+from ..words import error_message, message, problem
 from .editing import Editing, Start
 from .fitting import calibrating, discovering
 from .fleet import FleetTab
@@ -42,12 +42,11 @@ SIGNALS = 1
 
 
 class Page:
-    """A tab.
+    """A tab of the browser.
 
     Attributes:
-        view: The page.
         out: Folder of the runs.
-        root: The folder that is shown.
+        root: The folder that is shown, outside of which nothing is written.
         reader: Reads and checks the tests.
     """
 
@@ -89,7 +88,7 @@ class Page:
             ("Switch-off", self.switching_off.view),
             active=SIGNALS,
         )
-        left = self._sidebar.view(folder.root.name, str(folder.root), [self._sending.view])
+        left = self._sidebar.view(folder.root, self._look_again, self._sending.view)
         self._has_fleet = False
         self.view = framed(left, [self._banner, self._tabs.view], self._look_like)
         self.list_folder()
@@ -107,22 +106,17 @@ class Page:
     def _connect(self) -> None:
         """Let the widgets act, and time too."""
         left = self._sidebar
-        for widget, act in (
-            (left.motor, self.open_tests),
-            (left.motor, self.editing.choose),
-            (left.tests, self.open_tests),
-            (left.simulated, self.open_tests),
-            (left.kind, self._choose_channels),
-            (left.channels, self._draw),
-            (left.others, self._draw),
-            (left.run, self._show_run),
-            (left.follow, self._begin_following),
-        ):
-            widget.param.watch(without_event(act), "value")
-        self._tabs.view.param.watch(without_event(self._offer_tab), "active")
-        left.refresh.on_click(lambda _: self._look_again())
+        on_change(self.open_tests, left.motor, left.tests, left.simulated)
+        on_change(self.editing.choose, left.motor)
+        on_change(self._choose_channels, left.kind)
+        on_change(self._draw, left.channels, left.others)
+        on_change(self._show_run, left.run)
+        on_change(self._begin_following, left.follow)
+        self._tabs.view.param.watch(lambda _: self._offer_tab(), "active")
         if pn.state.curdoc is not None and pn.state.curdoc.session_context is not None:
-            pn.state.add_periodic_callback(self._watch_in_time, period=WATCH_MS)
+            pn.state.add_periodic_callback(
+                lambda: self._watch() if pn.state.loaded else None, period=WATCH_MS
+            )
             pn.state.on_session_destroyed(lambda _: self._sending.close())
 
     @property
@@ -144,6 +138,26 @@ class Page:
     def motor_path(self) -> Path | None:
         """The motor file that is chosen, or None."""
         return None if self.motor_name is None else self.path(self.motor_name)
+
+    def required_motor(self) -> str:
+        """Return the path of the motor file that is chosen.
+
+        Raises:
+            InputError: If there is none.
+        """
+        if self.motor_path is None:
+            raise InputError("Expected a motor file.", remedy="Choose one in the side panel.")
+        return str(self.motor_path)
+
+    def required_tests(self) -> list[str]:
+        """Return the paths of the tests that are chosen, at least one.
+
+        Raises:
+            InputError: If there is none.
+        """
+        if not self.chosen:
+            raise InputError("Expected a test.", remedy="Choose tests in the side panel.")
+        return [str(self.path(name)) for name in self.chosen]
 
     @property
     def tests(self) -> list[str]:
@@ -179,10 +193,6 @@ class Page:
         sent = self._uploads
         return (sent if path.is_relative_to(sent.root) else self.folder).open(path)
 
-    def pane(self, html: str) -> pn.pane.HTML:
-        """Return a pane of text in the page's style."""
-        return text_pane(html)
-
     def say(self, html: str) -> None:
         """Show a sentence above everything."""
         self._banner.object = html
@@ -204,34 +214,24 @@ class Page:
         listing = self.folder.list()
         sent = self._uploads.list()
         tests, simulated, motors = (
-            [*own, *(UPLOADED + name for name in of_page)]
-            for own, of_page in (
-                (listing.tests, sent.tests),
-                (listing.simulated, sent.simulated),
-                (listing.motors, sent.motors),
-            )
+            [*getattr(listing, kind), *(UPLOADED + name for name in getattr(sent, kind))]
+            for kind in ("tests", "simulated", "motors")
         )
         last = last_motor(self._runs_there(), {name: self.root / name for name in listing.motors})
         self._sidebar.list_files(tests, simulated, motors, last)
         self.list_runs()
         has_tests = bool(tests or simulated)
-        self._list_fleets(has_tests)
-        self._say_of_folder(listing, has_tests)
-
-    def _list_fleets(self, has_tests: bool) -> None:
-        """Show the tab of fleets where there is one; in front where there is nothing else."""
         if self.fleet.list_fleets() and not self._has_fleet:
             self._has_fleet = True
             self._tabs.append("Fleet", self.fleet.view)
             if not has_tests:
                 self._tabs.show(self.fleet.view)
+        self._say_of_folder(listing, has_tests)
 
     def show_tests(self, names: list[str], motor: str | None) -> None:
         """Choose tests, and a motor file, as if on the left, and show their signals.
 
-        Args:
-            names: Of the tests; those that are not listed are passed over.
-            motor: Name of a motor file; None keeps the choice.
+        Names that are not listed are passed over.
         """
         left = self._sidebar
         if motor in left.motor.options:
@@ -240,16 +240,12 @@ class Page:
         self._tabs.show(self.signals.view)
 
     def list_runs(self, choose: Path | None = None) -> None:
-        """Bring the list of runs up to date.
-
-        Args:
-            choose: A run whose simulated course is shown from now on.
-        """
+        """Bring the list of runs up to date; choose the one whose simulated course is shown."""
         self._runs = {run.path.name: run for run in reversed(self._runs_there())}
         youngest_first = [*reversed(self._runs)]
         self._sidebar.list_runs(youngest_first, None if choose is None else choose.name)
-        self.discovering.offer([self._runs[name] for name in youngest_first])
-        self.calibrating.offer([self._runs[name] for name in youngest_first])
+        for form in (self.discovering, self.calibrating):
+            form.offer([self._runs[name] for name in youngest_first])
 
     def _runs_there(self) -> list[Run]:
         """Return the run folders, the youngest first."""
@@ -266,7 +262,10 @@ class Page:
         if reading.checks is not None:
             self._checks.object = reading.checks
         self._tabs.view.loading = False
-        if not is_growth or not self._grow():
+        left = self._sidebar
+        if not is_growth or not self.signals.grow(
+            self._with_others(), left.channels.value, left.others.value
+        ):
             self._choose_channels()
             self._offer_tab()
         self._say_following()
@@ -292,17 +291,13 @@ class Page:
         self._tabs.show(self.calibrating.view)
         self.calibrating.start()
 
-    def _grow(self) -> bool:
-        left = self._sidebar
-        return self.signals.grow(self._with_others(), left.channels.value, left.others.value)
-
     def _choose_channels(self) -> None:
         """Offer the signals of the tests, and say what they lack for the test type."""
         card = CARDS[self.kind]
         missing = [
-            f"{each.record.name} holds no {need.meaning}, which this test type needs."
+            f"{each.record.name} holds no {lack}, which this test type needs."
             for each in self.opened
-            for need in card.missing(each.record)
+            if (lack := card.lacks(each.record))
         ]
         self.reporting.say_missing(missing)
         self._sidebar.offer_signals(self.opened, self._draw)
@@ -343,10 +338,6 @@ class Page:
         self._watch()
         self._say_following()
 
-    def _watch_in_time(self) -> None:
-        if pn.state.loaded:
-            self._watch()
-
     def _watch(self) -> None:
         self.editing.look()
         self.fleet.look()
@@ -365,35 +356,35 @@ class Page:
 
     def _say_following(self) -> None:
         """Say how far the tests that are followed have come."""
+        if not self._sidebar.follow.value:
+            self._sidebar.status.object = ""
+            return
         rows = [
             f"{escape(each.record.name)}: {each.record.time_s.size} rows, to "
             f"{each.record.time_s[-1] / 60:.2f} min"
             for each in self.opened
             if each.is_part
         ]
-        is_on = bool(self._sidebar.follow.value)
         said = f"<br>as of {time.strftime('%H:%M:%S')}" if rows else "the chosen tests"
-        self._sidebar.status.object = (
-            f"<p class='faded'>Following {'<br>'.join(rows)}{said}</p>" if is_on else ""
-        )
+        self._sidebar.status.object = f"<p class='faded'>Following {'<br>'.join(rows)}{said}</p>"
 
     def _say_of_folder(self, listing: Listing, has_tests: bool) -> None:
+        kind, said = "note", ""
         if listing.is_cut:
-            self._banner.object = message(
-                "warning", "The folder holds more files than are listed. Show a smaller folder."
-            )
+            kind = "warning"
+            said = "The folder holds more files than are listed. Show a smaller folder."
         elif not has_tests and not self._has_fleet:
-            self._banner.object = message(
-                "note",
+            said = (
                 f"There are no bench files in {self.folder.root}. Drop one in the side panel, or "
-                "start `heatrun view` on the folder of your tests.",
+                "start `heatrun view` on the folder of your tests."
             )
         elif listing.num_own and not self._banner.object:
-            self._banner.object = message(
-                "note",
-                f"Files that heatrun itself has written are no tests and not listed: "
-                f"{listing.num_own}.",
+            said = (
+                "Files that heatrun itself has written are no tests and not listed: "
+                f"{listing.num_own}."
             )
+        if said:
+            self.say(message(kind, said))
 
 
 MAX_READERS = 4
@@ -401,11 +392,7 @@ MAX_READERS = 4
 
 
 class Tests:
-    """The tests of a tab as they were read last.
-
-    Attributes:
-        opened: By the names of the page.
-    """
+    """The tests of a tab as they were read last, by the names of the page."""
 
     def __init__(self, reader: Reader, changed: Callable[[Reading, bool], None]) -> None:
         """Take who reads, and whom to tell what came of it, and whether it only grew."""
@@ -432,45 +419,31 @@ class Tests:
         return bool(self.outdated() or self._refused)
 
     def open(self, names: Sequence[str], motor_name: str | None) -> None:
-        """Read tests in the background, in place of those of before.
-
-        Args:
-            names: As the page lists them.
-            motor_name: The motor file, or None.
-        """
+        """Read tests, as the page lists them, in place of those of before."""
         self._generation += 1
         if self._num_reading >= MAX_READERS:
             self._waiting = (list(names), motor_name)
             return
-        self._waiting = None
-        generation, wanted = self._generation, list(names)
-        self._num_reading += 1
-
-        in_background(
-            lambda: self._reader.read(wanted, motor_name),
-            lambda reading: self._take(reading, generation, is_growth=False),
-        )
+        self._waiting, wanted = None, list(names)
+        self._begin(lambda: self._reader.read(wanted, motor_name), is_growth=False)
 
     def follow(self, motor_name: str | None) -> None:
-        """Read what has been written to the tests since, and those that could not be read yet.
-
-        Args:
-            motor_name: As `open`.
-        """
+        """Read what has been written to the tests since, and those that could not be read yet."""
         if not self.is_idle:
             return
         before: dict[str, Opened | Refused] = {**self.opened, **self._refused}
-        self._num_reading += 1
-        generation = self._generation
-        in_background(
-            lambda: self._reader.follow(before, motor_name),
-            lambda reading: self._take(reading, generation, is_growth=True),
-        )
+        self._begin(lambda: self._reader.follow(before, motor_name), is_growth=True)
 
-    def _take(self, reading: Reading, generation: int, *, is_growth: bool) -> None:
-        self._num_reading -= 1
-        if generation == self._generation:
-            self.opened, self._refused = reading.opened, reading.refused
-            self._changed(reading, is_growth)
-        elif self._waiting is not None:
-            self.open(*self._waiting)
+    def _begin(self, read: Callable[[], Reading], *, is_growth: bool) -> None:
+        generation = self._generation
+        self._num_reading += 1
+
+        def take(reading: Reading) -> None:
+            self._num_reading -= 1
+            if generation == self._generation:
+                self.opened, self._refused = reading.opened, reading.refused
+                self._changed(reading, is_growth)
+            elif self._waiting is not None:
+                self.open(*self._waiting)
+
+        in_background(read, take)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
@@ -12,29 +13,15 @@ import panel as pn
 from heatrun.record.channels import CHANNELS
 from heatrun_reports import CARDS
 
-from ..look import NAMES_CSS, asked, text_pane
+from ..look import NAMES_CSS, WIDE, asked, button, stacked, text_pane
 from ..store import Opened
 
 NO_MOTOR = "(none: known column names)"
 NO_RUN = "(none)"
-WIDE = "stretch_width"
 
 
 class Sidebar:
-    """The widgets on the left.
-
-    Attributes:
-        motor: Motor file.
-        kind: Test type.
-        tests: Tests.
-        simulated: Virtual records.
-        channels: Signals that are channels.
-        others: Columns that are none.
-        run: Run whose simulated course is shown.
-        follow: Whether growing files are followed.
-        refresh: Looks at the folder again.
-        status: What is followed, how far.
-    """
+    """The widgets on the left: files, test type, signals that are channels and others, run."""
 
     def __init__(self) -> None:
         self.motor = pn.widgets.Select(name="Motor file", sizing_mode=WIDE)
@@ -48,33 +35,25 @@ class Sidebar:
         )
         self.run = pn.widgets.Select(name="Simulated course of run", sizing_mode=WIDE)
         self.follow = pn.widgets.Toggle(name="Follow changes", width=130)
-        self.refresh = pn.widgets.Button(name="Look again", width=100)
         self.status = text_pane()
         self._others = _group("Columns without a channel", self.others, 160, visible=False)
         self._simulated = _group("Simulated", self.simulated, 160, visible=False)
 
-    def view(self, folder_name: str, folder_path: str, below: Sequence[Any]) -> list[Any]:
-        """Return what stands on the left, top to bottom.
-
-        Args:
-            folder_name: Name of the folder that is shown.
-            folder_path: Its path.
-            below: What stands at the end.
-        """
+    def view(self, folder: Path, look_again: Callable[[], None], below: Any) -> list[Any]:
+        """Return what stands on the left, top to bottom, with something else at the end."""
+        name, path = escape(folder.name), escape(str(folder))
         return [
-            text_pane(
-                f"<p class='faded' title='{escape(folder_path)}'>Folder {escape(folder_name)}</p>"
-            ),
+            text_pane(f"<p class='faded' title='{path}'>Folder {name}</p>"),
             self.motor,
             self.kind,
             _group("Tests", self.tests, 200),
             self._simulated,
-            pn.FlexBox(self.follow, self.refresh),
+            pn.FlexBox(self.follow, button("Look again", look_again, 100)),
             self.status,
             _group("Signals", self.channels, 240),
             self._others,
             self.run,
-            *below,
+            below,
         ]
 
     @property
@@ -98,11 +77,7 @@ class Sidebar:
     ) -> None:
         """Offer files; what is chosen and still there stays chosen.
 
-        Args:
-            tests: Bench files.
-            simulated: Virtual records.
-            motors: Motor files.
-            last: The motor file that was used last, which is chosen where none is.
+        Where no motor file is chosen, the one that was used last is.
         """
         chosen, motor = self.chosen, self.motor.value
         names = [*motors, NO_MOTOR]
@@ -113,12 +88,7 @@ class Sidebar:
         self.choose(chosen)
 
     def list_runs(self, names: Sequence[str], choose: str | None) -> None:
-        """Offer runs.
-
-        Args:
-            names: The youngest first.
-            choose: One that is chosen from now on; None keeps the choice.
-        """
+        """Offer runs, the youngest first; choose one of them, or keep the choice."""
         chosen = self.run.value if choose is None else choose
         self.run.options = [NO_RUN, *names]
         self.run.value = chosen if chosen in names else NO_RUN
@@ -126,9 +96,7 @@ class Sidebar:
     def offer_signals(self, opened: Sequence[Opened], draw: Callable[[], None]) -> None:
         """Offer what the tests hold; the channels of the test type are chosen.
 
-        Args:
-            opened: The tests.
-            draw: Called where the choice stays as it is; a change calls whoever watches it.
+        What draws is called where the choice stays as it is; a change calls whoever watches it.
         """
         held = [c.name for c in CHANNELS if c.name != "time_s"
                 and any(c.name in each.record for each in opened)]  # fmt: skip
@@ -156,11 +124,7 @@ class Sidebar:
         self.follow.value = asked("follow")[:1] == ["1"]
 
     def write_address(self, more: Mapping[str, str]) -> None:
-        """Keep what is chosen in the page's address, for reloads and bookmarks.
-
-        Args:
-            more: Other words of the address.
-        """
+        """Keep what is chosen, and more, in the page's address for reloads and bookmarks."""
         location = pn.state.location
         if location is None:
             return
@@ -175,5 +139,5 @@ class Sidebar:
 
 def _group(title: str, widget: Any, max_height: int, **options: Any) -> pn.Column:
     """Return a list of names under its heading, which scrolls beyond a height [px]."""
-    inner = pn.Column(widget, max_height=max_height, scroll=True, sizing_mode=WIDE)
-    return pn.Column(text_pane(f"<h3>{title}</h3>"), inner, sizing_mode=WIDE, **options)
+    inner = stacked(widget, max_height=max_height, scroll=True)
+    return stacked(text_pane(f"<h3>{title}</h3>"), inner, **options)

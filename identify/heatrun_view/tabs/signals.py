@@ -10,8 +10,7 @@ import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from html import escape
-from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -22,9 +21,9 @@ from heatrun.record.channels import CHANNELS
 from heatrun.record.record import Record
 from heatrun_reports.analysis.offset import find_offset
 
-from ..background import Soon, in_background, in_order
+from ..background import Latest, Soon, in_order
 from ..linked import Band, Plots, Told
-from ..look import NARROW_PX, Screen, text_pane
+from ..look import NARROW_PX, WIDE, Screen, button, on_change, stacked, text_pane
 from ..motor_text import (
     Window,
     read_motor_file,
@@ -37,75 +36,48 @@ from ..motor_text import (
     write_windows,
 )
 from ..store import Opened
-from ..trace import Trace, cursor_table
+from ..trace import Trace, cursor_table, tests_of
 from ..words import error_message, message
+
+if TYPE_CHECKING:
+    from .page import Page
 
 STEP_S = 0.1
 """Windows are rounded to it [s]: finer than a mouse can choose."""
 
 
-class MotorChoice(Protocol):
-    """The motor file that is chosen."""
-
-    @property
-    def motor_path(self) -> Path | None:
-        """The motor file, or None."""
-        ...
-
-    @property
-    def root(self) -> Path:
-        """The folder outside of which nothing is written."""
-        ...
-
-
 class Cutting:
-    """A form with the windows of a test.
+    """A form with the windows of a test; hidden until a window is selected."""
 
-    Attributes:
-        view: What goes on the page; hidden until a window is selected.
-    """
-
-    def __init__(self, page: MotorChoice) -> None:
+    def __init__(self, page: Page) -> None:
         self._page = page
         self._spans: dict[str, Window] = {}
         self._shifts_s: Mapping[str, float] = {}
         self._selected: Window | None = None
         self._windows: list[Window] = []
         self._in_file: list[Window] = []
-        self._test = pn.widgets.Select(name="Test", sizing_mode="stretch_width")
-        self._keep = pn.widgets.Button(name="Use it", width=90)
-        self._leave = pn.widgets.Button(name="Leave it out", width=110)
-        self._clear = pn.widgets.Button(name="Start again", width=100)
-        self._write = pn.widgets.Button(
-            name="Write into the motor file", button_type="primary", width=200
+        self._test = pn.widgets.Select(name="Test", sizing_mode=WIDE)
+        self._keep = button("Use it", lambda: self._change(with_window), 90)
+        self._leave = button("Leave it out", lambda: self._change(without_window), 110)
+        clear = button("Start again", lambda: self._set([]), 100)
+        self._write = button(
+            "Write into the motor file", self._write_file, 200, button_type="primary"
         )
-        self._said = text_pane()
-        self._text = text_pane()
-        self._result = text_pane()
-        self.view = pn.Column(
+        self._said, self._text, self._result = text_pane(), text_pane(), text_pane()
+        self.view = stacked(
             text_pane("<h3>Part of the test that counts</h3>"),
             self._test,
             self._said,
-            pn.FlexBox(self._keep, self._leave, self._clear),
+            pn.FlexBox(self._keep, self._leave, clear),
             self._text,
             self._write,
             self._result,
-            sizing_mode="stretch_width",
             visible=False,
         )
-        self._test.param.watch(lambda _: self._begin(), "value")
-        self._keep.on_click(lambda _: self._change(with_window))
-        self._leave.on_click(lambda _: self._change(without_window))
-        self._clear.on_click(lambda _: self._start_again())
-        self._write.on_click(lambda _: self._write_file())
+        on_change(self._begin, self._test)
 
     def offer(self, tests: Sequence[Opened], shifts_s: Mapping[str, float]) -> None:
-        """Take the tests that are shown.
-
-        Args:
-            tests: As they were read.
-            shifts_s: By name of the test, by how much later than in its own time it is shown [s].
-        """
+        """Take the tests that are shown, and by how much later than in its own time each is [s]."""
         self._shifts_s = shifts_s
         self._spans = {
             each.record.name: (float(each.record.time_s[0]), float(each.record.time_s[-1]))
@@ -118,11 +90,9 @@ class Cutting:
             self._test.value = chosen if chosen in names else (names[0] if names else None)
 
     def select(self, start_s: float, end_s: float) -> None:
-        """Take a window that was selected with the mouse, in the times of the plots.
+        """Take a window that was selected with the mouse, in the times of the plots [s].
 
-        Args:
-            start_s: Its begin [s]; before its end or behind it.
-            end_s: Its end [s].
+        Its begin may lie behind its end.
         """
         first, last = self._spans.get(str(self._test.value), (0.0, 0.0))
         shift_s = self._shifts_s.get(str(self._test.value), 0.0)
@@ -151,34 +121,27 @@ class Cutting:
             self._result.object = error_message(error)
         self._show()
 
-    def _start_again(self) -> None:
-        self._windows = []
-        self._result.object = ""
-        self._show()
+    def _change(self, how: Callable[[Sequence[Window], Window], list[Window]]) -> None:
+        if self._selected is not None:
+            whole = [self._spans[str(self._test.value)]] if how is without_window else []
+            self._set(how(self._windows or whole, self._selected))
 
-    def _change(self, how) -> None:
-        if self._selected is None:
-            return
-        whole = [self._spans[str(self._test.value)]] if how is without_window else []
-        self._windows = how(self._windows or whole, self._selected)
+    def _set(self, windows: list[Window]) -> None:
+        self._windows = windows
         self._result.object = ""
         self._show()
 
     def _show(self) -> None:
-        name = str(self._test.value)
+        said = "Select a window: “Select” in the bar, then drag."
         if self._selected is not None:
             start, end = self._selected
-            self._said.object = (
-                f"<p>Selected: <b>{start:.1f} … {end:.1f} s</b> ({(end - start) / 60:.2f} min)</p>"
-            )
+            said = f"Selected: <b>{start:.1f} … {end:.1f} s</b> ({(end - start) / 60:.2f} min)"
+        self._said.object = f"<p>{said}</p>"
+        if self._windows:
+            lines = windows_text(str(self._test.value), self._windows)
+            self._text.object = f"<pre>{escape(lines)}</pre>"
         else:
-            self._said.object = "<p>Select a window: “Select” in the bar, then drag.</p>"
-        lines = windows_text(name, self._windows) if self._windows else ""
-        self._text.object = (
-            f"<pre>{escape(lines)}</pre>"
-            if lines
-            else message("note", "No window is chosen: all of the test counts.")
-        )
+            self._text.object = message("note", "No window is chosen: all of the test counts.")
         self._write.disabled = not self._windows
 
     def _write_file(self) -> None:
@@ -211,7 +174,6 @@ class Aligning:
     """The switch and what it found.
 
     Attributes:
-        view: What goes on the page.
         shifts_s: By name of the test, what is added to its times [s]; 0 for one that is not there.
     """
 
@@ -219,48 +181,41 @@ class Aligning:
         """Take whom to tell that the shifts are others."""
         self.shifts_s: Mapping[str, float] = {}
         self._records: tuple[Record, ...] = ()
-        self._changed = changed
+        self._changed, self._latest = changed, Latest()
         self._switch = pn.widgets.Toggle(name="Align clocks", width=120)
         self._said = text_pane()
-        self._switch.param.watch(lambda _: self._find(), "value")
-        self.view = pn.Column(self._switch, self._said, sizing_mode="stretch_width", visible=False)
+        on_change(self._find, self._switch)
+        self.view = stacked(self._switch, self._said, visible=False)
 
     def offer(self, tests: Sequence[Opened]) -> None:
-        """Take the tests that are shown.
-
-        Args:
-            tests: As they were read; the first keeps its clock.
-        """
+        """Take the tests that are shown; the first keeps its clock."""
         names = [record.name for record in self._records]
         self._records = tuple(each.record for each in tests)
         self.view.visible = len(self._records) > 1
         if names != [record.name for record in self._records]:
+            self._latest.forget()
             self.shifts_s, self._said.object = {}, ""
             self._switch.value = False
 
     def _find(self) -> None:
-        if not self._switch.value:
-            self.shifts_s, self._said.object = {}, ""
-            self._changed()
-            return
         records = self._records
-        self._said.object = "<p class='faded'>Looking for the offsets …</p>"
 
-        def show(found: tuple[dict[str, float], str]) -> None:
-            if records == self._records and self._switch.value:
-                self.shifts_s, self._said.object = found
-                self._changed()
+        def show(found: tuple[dict[str, float], str] | str) -> None:
+            self.shifts_s, self._said.object = ({}, found) if isinstance(found, str) else found
+            self._changed()
 
-        in_background(lambda: shifts_of(records), show)
+        if self._switch.value:
+            self._said.object = "<p class='faded'>Looking for the offsets …</p>"
+            self._latest.ask("clocks", lambda: shifts_of(records), show)
+        else:
+            self._latest.forget()
+            show(({}, ""))
 
 
 def shifts_of(records: Sequence[Record]) -> tuple[dict[str, float], str]:
     """Return what is added to the times of each test [s], and what is to be said of it as HTML.
 
-    What a command advises is left out: its options are not on the page.
-
-    Args:
-        records: The first keeps its clock.
+    The first keeps its clock. What a command advises is left out: its options are not on the page.
     """
     first, *others = records
     shifts: dict[str, float] = {}
@@ -292,29 +247,21 @@ READOUT_PX = 310
 
 
 class Signals:
-    """The plots of the chosen signals.
-
-    Attributes:
-        view: What goes on the page.
-    """
+    """The plots of the chosen signals."""
 
     def __init__(self, cutting: Cutting, redraw: Callable[[], None]) -> None:
         """Take the form that selected windows go to, and what shows everything again."""
         self._screen = Screen()
-        self._traces: list[Trace] = []
-        self._shown: list[tuple[str, str]] = []
         self._plots: Plots | None = None
         self._soon = Soon()
         self._cutting = cutting
         self._aligning = Aligning(redraw)
-        self._plot_place = pn.Column(sizing_mode="stretch_width")
-        self._read_place = pn.Column(sizing_mode="stretch_width")
+        self._plot_place, self._read_place = stacked(), stacked()
         self._csv = pn.widgets.FileDownload(
             callback=self._as_csv, filename="window.csv", label="CSV of this window",
             button_type="default", width=170,
         )  # fmt: skip
-        self._no_cursors = pn.widgets.Button(name="Clear cursors", width=110, visible=False)
-        self._no_cursors.on_click(lambda _: self._clear_cursors())
+        self._no_cursors = button("Clear cursors", self._clear_cursors, 110, visible=False)
         self._cursor_table = text_pane()
         self._problem = text_pane(visible=False)
         self._side = pn.Column(
@@ -322,7 +269,7 @@ class Signals:
             self._read_place,
             self._cursor_table, cutting.view, visible=False,
         )  # fmt: skip
-        self.view = pn.Column(sizing_mode="stretch_width")
+        self.view = stacked()
         self._arrange()
 
     def look_like(self, screen: Screen) -> None:
@@ -340,52 +287,37 @@ class Signals:
     ) -> None:  # fmt: skip
         """Draw channels of tests; the window stays where it covers the same span.
 
-        Args:
-            tests: Laid over each other, each from its own time zero.
-            channels: Canonical names; a test without one leaves it out.
-            others: Names of columns that are no channel.
-            bands: Predicted courses.
+        The tests are laid over each other, each from its own time zero; one without a channel
+        leaves it out. Others are columns that are no channel, bands predicted courses.
         """
         self._aligning.offer(tests)
         self._cutting.offer(tests, self._aligning.shifts_s)
-        self._traces = self._traces_of(tests, channels, others)
+        traces = self._traces_of(tests, channels, others)
         self._say_undrawn(tests, others)
-        if not self._traces:
-            words = (
-                "Choose tests in the side panel."
-                if not tests
-                else "Choose signals in the side panel."
-            )
-            self._plots, self._side.visible, self._shown = None, False, []
+        if not traces:
+            words = f"Choose {'signals' if tests else 'tests'} in the side panel."
+            self._plots, self._side.visible = None, False
             self._plot_place[:], self._read_place[:] = [text_pane(message("note", words))], []
             return
         before = self._plots
-        told = Told(self._soon, self._tapped, self._selected)
+        told = Told(self._soon, self._tapped, self._cutting.select)
         shifts_s = self._aligning.shifts_s
         bands = [replace(band, time_s=band.time_s + shifts_s.get(band.test, 0.0)) for band in bands]
-        plots = Plots(self._traces, bands, self._screen.look, self._height, told)
+        plots = Plots(traces, bands, self._screen.look, self._height, told)
         if before is not None and before.x_range.bounds == plots.x_range.bounds:
             plots.move_to(*before.window)
         for number, time_s in enumerate(before.cursors.times_s if before is not None else ()):
             plots.cursors.set(number, time_s)
         self._plots, self._side.visible = plots, True
-        self._shown = _identities(self._traces)
-        self._plot_place[:] = [pn.pane.Bokeh(plots.layout, sizing_mode="stretch_width")]
-        self._read_place[:] = [pn.pane.Bokeh(plots.readout, sizing_mode="stretch_width")]
+        self._plot_place[:] = [pn.pane.Bokeh(plots.layout, sizing_mode=WIDE)]
+        self._read_place[:] = [pn.pane.Bokeh(plots.readout, sizing_mode=WIDE)]
         self._say_cursors()
 
     def grow(self, tests: Sequence[Opened], channels: Sequence[str], others: Sequence[str]) -> bool:
-        """Show what has come to the tests; return False where the lines are not the same ones.
-
-        Args:
-            tests: As `show`.
-            channels: As `show`.
-            others: As `show`.
-        """
+        """Show what has come to the tests; return False where the lines are not the same ones."""
         traces = self._traces_of(tests, channels, others)
-        if self._plots is None or _identities(traces) != self._shown:
+        if self._plots is None or _identities(traces) != _identities(self._plots.traces):
             return False
-        self._traces = traces
         self._cutting.offer(tests, self._aligning.shifts_s)
         with in_order():
             self._plots.grow(traces)
@@ -401,11 +333,11 @@ class Signals:
         is_narrow = self._screen.width < NARROW_PX
         # no width of its own: the layouts above would keep it as the least that they need
         self._side.styles = {} if is_narrow else {"flex": f"0 0 {READOUT_PX}px"}
-        self._side.sizing_mode = "stretch_width" if is_narrow else None
+        self._side.sizing_mode = WIDE if is_narrow else None
         parts = (self._plot_place, self._side)
         kind = pn.Column if is_narrow else pn.Row
         if not self.view or not isinstance(self.view[0], kind):
-            self.view[:] = [kind(*parts, sizing_mode="stretch_width")]
+            self.view[:] = [kind(*parts, sizing_mode=WIDE)]
 
     def _traces_of(
         self, tests: Sequence[Opened], channels: Sequence[str], others: Sequence[str]
@@ -438,16 +370,17 @@ class Signals:
         return test.record.time_s + shift_s if shift_s else test.record.time_s
 
     def _tapped(self, time_s: float, is_second: bool) -> None:
-        if self._plots is not None and np.isfinite(time_s):
-            with in_order():
-                self._plots.cursors.set(1 if is_second else 0, float(time_s))
-            self._say_cursors()
+        if np.isfinite(time_s):
+            self._set_cursors({int(is_second): float(time_s)})
 
     def _clear_cursors(self) -> None:
+        self._set_cursors({0: None, 1: None})
+
+    def _set_cursors(self, times_s: Mapping[int, float | None]) -> None:
         if self._plots is not None:
             with in_order():
-                self._plots.cursors.set(0, None)
-                self._plots.cursors.set(1, None)
+                for number, time_s in times_s.items():
+                    self._plots.cursors.set(number, time_s)
             self._say_cursors()
 
     def _say_cursors(self) -> None:
@@ -455,10 +388,7 @@ class Signals:
         a_s, b_s = self._plots.cursors.times_s
         start, end = self._plots.window
         self._no_cursors.visible = a_s is not None or b_s is not None
-        self._cursor_table.object = cursor_table(self._traces, a_s, b_s, end - start)
-
-    def _selected(self, start_s: float, end_s: float) -> None:
-        self._cutting.select(start_s, end_s)
+        self._cursor_table.object = cursor_table(self._plots.traces, a_s, b_s, end - start)
 
     def _as_csv(self) -> io.StringIO:
         """Return all samples in the window, as the file has them, on one column of times."""
@@ -472,12 +402,13 @@ class Signals:
     def _csv_text(self) -> str:
         assert self._plots is not None
         start, end = self._plots.window
+        traces = self._plots.traces
+        several = len(tests_of(traces)) > 1
         columns = {}
-        for trace in self._traces:
+        for trace in traces:
             inside = (trace.time_s >= start) & (trace.time_s <= end)
             is_first = np.diff(trace.time_s[inside], prepend=-np.inf) > 0.0
             times, values = trace.time_s[inside][is_first], trace.value[inside][is_first]
-            several = any(other.test != trace.test for other in self._traces)
             name = f"{trace.channel} {trace.test}" if several else trace.channel
             columns[name] = pd.Series(values, index=times)
         if sum(column.size for column in columns.values()) > MAX_CELLS:

@@ -11,10 +11,10 @@ import panel as pn
 from heatrun.io.quantities import quantity, rounded
 from heatrun.simulation import ByHand
 
-from ..background import Soon, in_background
+from ..background import Latest, Soon
 from ..linked import Band
-from ..look import text_pane
-from ..reading import Reader, problem
+from ..look import WIDE, button, on_change, stacked, text_pane
+from ..reading import Reader
 from ..runs import Run
 from ..store import Opened
 from ..words import message
@@ -25,12 +25,7 @@ REACH, NUM_STEPS = 5.0, 201
 
 
 class Sliders:
-    """A slider for each parameter of the network, and the curve that they move.
-
-    Attributes:
-        view: What goes on the page.
-        figure: Measured, model and residual.
-    """
+    """A slider for each parameter of the network, and the curve that they move."""
 
     def __init__(self, reader: Reader) -> None:
         self._reader = reader
@@ -38,18 +33,13 @@ class Sliders:
         self._motor: str | None = None
         self._run: Run | None = None
         self._hand: ByHand | None = None
-        self._asked = 0
-        self._soon = Soon()
+        self._latest, self._soon = Latest(), Soon()
         self.figure = FitFigure(self._load)
         self._about, self._error = text_pane(), text_pane()
-        self._back = pn.widgets.Button(name="Back to the start", width=150, visible=False)
-        self._back.on_click(lambda _: self._to_start())
+        self._back = button("Back to the start", self._to_start, 150, visible=False)
         self._sliders: dict[str, pn.widgets.DiscreteSlider] = {}
         self._place = pn.FlexBox()
-        self.view = pn.Column(
-            self._about, self._place, self._error, self.figure.view, self._back,
-            sizing_mode="stretch_width",
-        )  # fmt: skip
+        self.view = stacked(self._about, self._place, self._error, self.figure.view, self._back)
 
     def offer(self, tests: Sequence[Opened], motor: str | None, run: Run | None) -> None:
         """Take other tests, another machine or another start; what was moved stays where none is.
@@ -65,7 +55,7 @@ class Sliders:
             return
         self._tests = given
         self._motor, self._run = motor, run
-        self._asked += 1  # what is being prepared is of no use any more
+        self._latest.forget()
         before = self.figure.test
         self.figure.offer([*self._tests])
         if self.figure.test == before:
@@ -73,9 +63,8 @@ class Sliders:
 
     def _load(self) -> None:
         """Prepare the model beside the page, and show its sliders."""
-        self._asked += 1
-        asked, test = self._asked, self._tests.get(str(self.figure.test))
-        name, run = self._motor, self._run
+        test, name, run = self._tests.get(str(self.figure.test)), self._motor, self._run
+        self._latest.forget()
         self._hand = None
         self._place[:], self._error.object, self._back.visible = [], "", False
         self.figure.show(None)
@@ -85,25 +74,19 @@ class Sliders:
             return
         self._about.object = "<p class='faded'>Preparing the model …</p>"
 
-        def work() -> ByHand | str:
-            try:
-                motor = self._reader.motor(name)
-                opened = None if run is None else run.opened
-                hand = ByHand.of(test.record, motor, opened)
-                hand.course({})  # compiled here, not at the first move
-                return hand
-            except Exception as error:
-                return problem(test.record.name, error)
+        def work() -> ByHand:
+            opened = None if run is None else run.opened
+            hand = ByHand.of(test.record, self._reader.motor(name), opened)
+            hand.course({})  # compiled here, not at the first move
+            return hand
 
         def show(found: ByHand | str) -> None:
-            if asked != self._asked:
-                return
             if isinstance(found, str):
                 self._about.object = found
-                return
-            self._show(found)
+            else:
+                self._show(found)
 
-        in_background(work, show)
+        self._latest.ask(test.record.name, work, show)
 
     def _show(self, hand: ByHand) -> None:
         self._hand = hand
@@ -120,9 +103,9 @@ class Sliders:
             labels = {quantity(rounded(value, 4), unit): value for value in steps}
             start = list(labels.values())[len(labels) // 2]
             slider = pn.widgets.DiscreteSlider(
-                name=name, options=labels, value=start, sizing_mode="stretch_width"
+                name=name, options=labels, value=start, sizing_mode=WIDE
             )
-            slider.param.watch(lambda _: self._soon(self._move), "value")
+            on_change(lambda: self._soon(self._move), slider)
             self._sliders[name] = slider
         self._place[:] = [
             pn.Column(slider, styles={"flex": "1 1 150px"}, max_width=240)

@@ -20,9 +20,9 @@ from heatrun.shutdown.printed import figure
 from heatrun.shutdown.result import ShutdownResult
 from heatrun.shutdown.sheet import write_results
 
-from ..background import Soon, in_background
-from ..look import text_pane
-from ..reading import Reader, problem
+from ..background import Latest, Soon
+from ..look import button, on_change, text_pane
+from ..reading import Reader
 from ..runs import Run, run_name, typed_number
 from ..words import error_message, message, shutdown_html
 
@@ -38,14 +38,14 @@ MOST_CHARACTERS = 20_000
 
 @dataclass(frozen=True)
 class Typed:
-    """What stands on the page.
+    """What stands on the page; what is left empty is the motor file's.
 
     Attributes:
         head: Heading of the readings.
         readings: Times and readings, a line each.
-        cold: Cold resistance in their unit; empty for the motor file's.
-        cold_at: Its temperature [degC]; likewise.
-        sink: Temperature that the machine cools to [degC]; likewise.
+        cold: Cold resistance in their unit.
+        cold_at: Its temperature [degC].
+        sink: Temperature that the machine cools to [degC].
     """
 
     head: str
@@ -89,11 +89,7 @@ class Typed:
 
 
 class SwitchingOff:
-    """Readings that are typed in, and what the winding had at switch-off.
-
-    Attributes:
-        view: What goes on the page.
-    """
+    """Readings that are typed in, and what the winding had at switch-off."""
 
     def __init__(self, reader: Reader, out: Path, listed: Callable[[], None]) -> None:
         """Take what reads motor files, the folder of results, and whom to tell of a new one."""
@@ -102,7 +98,7 @@ class SwitchingOff:
         self._run: Run | None = None
         self._is_busy = self._is_stale = False
         self._result: ShutdownResult | None = None
-        self._soon = Soon()
+        self._soon, self._latest = Soon(), Latest()
         text = pn.widgets.TextInput
         self._readings = pn.widgets.TextAreaInput(
             name="Seconds since switch-off, and reading", placeholder=EXAMPLE,
@@ -114,8 +110,7 @@ class SwitchingOff:
         self._sink = text(width=140)
         self._with_run = pn.widgets.Checkbox(name="", visible=False)
         self._name = text(name="Name of the folder", value="switch_off", width=200)
-        self._save = pn.widgets.Button(name="Save", width=90, align="end", disabled=True)
-        self._save.on_click(lambda _: self._write())
+        self._save = button("Save", self._write, 90, align="end", disabled=True)
         self._said, self._saved = text_pane(), text_pane()
         self._figure = pn.pane.PNG(None, sizing_mode="scale_width", max_width=760, visible=False)
         self._now: dict[str, str] = {}
@@ -124,9 +119,8 @@ class SwitchingOff:
         for key, field in self._fields.items():
             for name in ("value", "value_input"):  # the second while something is typed
                 field.param.watch(partial(self._take, key), name)
-        for choice in (self._head, self._with_run):
-            choice.param.watch(lambda _: self._soon(self._ask), "value")
-        self._head.param.watch(lambda _: self._say_known(), "value")
+        on_change(lambda: self._soon(self._ask), self._head, self._with_run)
+        on_change(self._say_known, self._head)
         asked = pn.Column(
             self._head, self._readings, self._cold, pn.FlexBox(self._cold_at, self._sink),
             self._with_run, pn.FlexBox(self._name, self._save), self._saved, width=320,
@@ -135,12 +129,7 @@ class SwitchingOff:
         self.view = pn.FlexBox(asked, answer)
 
     def offer(self, motor: str | None, run: Run | None) -> None:
-        """Take another machine, or another run.
-
-        Args:
-            motor: The motor file as the page lists it, or None.
-            run: The run that is chosen, whose time constants may be taken.
-        """
+        """Take another machine, as the page lists it, or run, whose time constants may be taken."""
         self._motor, self._run = motor, run
         self._with_run.visible = run is not None
         self._with_run.name = "" if run is None else f"Time constants of run {run.path.name}"
@@ -177,14 +166,9 @@ class SwitchingOff:
             return
         self._is_busy = True
 
-        def work() -> tuple[ShutdownResult, bytes] | str:
-            try:
-                found = answer(typed, self._reader.motor(name), run)
-                return found, figure(found)
-            except InputError as error:
-                return error_message(error)
-            except Exception as error:
-                return problem("readings", error)
+        def work() -> tuple[ShutdownResult, bytes]:
+            found = answer(typed, self._reader.motor(name), run)
+            return found, figure(found)
 
         def show(found: tuple[ShutdownResult, bytes] | str) -> None:
             self._is_busy = False
@@ -193,7 +177,7 @@ class SwitchingOff:
                 self._is_stale = False
                 self._ask()
 
-        in_background(work, show)
+        self._latest.ask("readings", work, show)
 
     def _show(self, found: tuple[ShutdownResult, bytes] | str) -> None:
         self._result, drawn = (None, None) if isinstance(found, str) else found

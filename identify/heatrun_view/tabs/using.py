@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import panel as pn
 
@@ -14,12 +14,15 @@ from heatrun.io.whole_files import free_name
 from heatrun_reports import CARDS
 from heatrun_reports.prototypes import LONGEST_ROLE
 
-from ..look import text_pane
+from ..look import WIDE, on_change, stacked, text_pane
 from ..running_jobs import Job, JobQueue
 from ..runs import Run, download, run_name
 from ..store import BoundedDropper, UploadRoom, keep_upload
 from ..words import error_message, message, table
-from .fitting import Choices, JobPane
+from .fitting import JobPane
+
+if TYPE_CHECKING:
+    from .page import Page
 
 SIMULATED, EXPORTED = "simulated", "exported"
 """Folders beside that of the runs."""
@@ -30,15 +33,11 @@ OF_RUN, OF_PAGE = "the run's own motor file", "the motor file in the side panel"
 
 
 class Using:
-    """Forms that start `heatrun simulate` and `heatrun export` on the run that is chosen.
+    """Forms that start `heatrun simulate` and `heatrun export` on the run that is chosen."""
 
-    Attributes:
-        view: What goes on the page.
-    """
-
-    def __init__(self, page: Choices, queue: JobQueue) -> None:
+    def __init__(self, page: Page, queue: JobQueue) -> None:
         self._page = page
-        simulate = self._form(
+        simulate = _form(
             "Simulate",
             "The run's network along the chosen tests, driven by their currents, losses and "
             "ambient or coolant: one CSV file for each, with 95 % bands.",
@@ -54,12 +53,8 @@ class Using:
             name="Correct Is, Pd and Te by the errors of current, losses, sink and timing that "
             "the run has estimated"
         )
-
-        def offer_motor(event: Any) -> None:
-            self._motor.visible = event.new == CHOSEN
-
-        self._tests.param.watch(offer_motor, "value")
-        export = self._form(
+        on_change(self._offer_motor, self._tests)
+        export = _form(
             "Export",
             "The run's parameters with a record for MATLAB, Simulink and Octave: a test that the "
             "run was fitted to, or any other, with the network along it.",
@@ -68,30 +63,10 @@ class Using:
             self._show_exported,
             (self._tests, self._motor, self._corrected),
         )
-        self.view = pn.Column(*simulate, *export, sizing_mode="stretch_width")
+        self.view = stacked(*simulate, *export)
 
-    def _form(
-        self,
-        title: str,
-        intro: str,
-        queue: JobQueue,
-        words: Callable[[], list[str]],
-        show: Callable[[Job, pn.Column], None],
-        choices: Sequence[Any] = (),
-    ) -> list[Any]:
-        job, told = JobPane(queue, title), text_pane()
-        made = pn.Column(sizing_mode="stretch_width")
-
-        def start(_: object) -> None:
-            told.object, made[:] = "", []
-            try:
-                job.run(words(), lambda done: show(done, made))
-            except InputError as error:
-                told.object = error_message(error)
-
-        job.start.on_click(start)
-        heading = text_pane(f"<h3>{escape(title)}</h3><p>{escape(intro)}</p>")
-        return [heading, pn.FlexBox(*choices), job.view, told, made]
+    def _offer_motor(self) -> None:
+        self._motor.visible = self._tests.value == CHOSEN
 
     def _run(self) -> Run:
         run = self._page.run
@@ -101,114 +76,96 @@ class Using:
             )
         return run
 
-    def _motor_path(self) -> str:
-        if self._page.motor_path is None:
-            raise InputError("Expected a motor file.", remedy="Choose one in the side panel.")
-        return str(self._page.motor_path)
-
-    def _chosen(self) -> list[str]:
-        """Return the paths of the chosen tests, at least one."""
-        page = self._page
-        if not page.chosen:
-            raise InputError("Expected a test.", remedy="Choose tests in the side panel.")
-        return [str(page.path(name)) for name in page.chosen]
-
     def _words_to_simulate(self) -> list[str]:
         run = self._run()
-        words = ["simulate", self._motor_path(), str(run.path), *self._chosen()]
+        page = self._page
+        words = ["simulate", page.required_motor(), str(run.path), *page.required_tests()]
         return [*words, "--out", str(self._page.out.parent / SIMULATED)]
 
     def _words_to_export(self) -> list[str]:
         run = self._run()
         name, tests = run_name(run.path.name, "run"), []
         if self._tests.value == CHOSEN:
-            tests = self._chosen()
+            tests = self._page.required_tests()
             name += f"_{run_name(Path(tests[0]).name.split('.')[0], 'test')}"
             name += f"_and_{len(tests) - 1}_more" if len(tests) > 1 else ""
         out = free_name(self._page.out.parent / EXPORTED / name.replace(".", "_"))
         words = ["export", str(run.path), *tests, "--to", "mat", "--out", str(out)]
-        words += ["--motor", self._motor_path()] if tests and self._motor.value == OF_PAGE else []
+        if tests and self._motor.value == OF_PAGE:
+            words += ["--motor", self._page.required_motor()]
         return words + (["--corrected"] if self._corrected.value else [])
 
-    def _show_simulated(self, job: Job, made: pn.Column) -> None:
-        found = job.output.get("simulated")
-        rows = [row for row in found if isinstance(row, dict)] if isinstance(found, list) else []
-        said = table(
-            ("test", "network", "effects", "RMSE [K]"),
-            (
-                (str(row.get("test", "")), str(row.get("network", "")),
-                 ", ".join(map(str, row.get("effects") or ())),
-                 "not measured" if row.get("rmse_K") is None else float(row["rmse_K"]))
-                for row in rows
-            ),
-        )  # fmt: skip
-        files = [Path(str(row["file"])) for row in rows if "file" in row]
-        made[:] = [text_pane(said), self._downloads(files, SIMULATED)]
+    def _show_simulated(self, job: Job) -> list[Any]:
+        rows = job.output["simulated"]
+        head = ("test", "network", "effects", "RMSE [K]")
+        said = table(head, [_predicted(row, row["network"]) for row in rows])
+        files = [Path(row["file"]) for row in rows if "file" in row]
+        return [text_pane(said), self._downloads(files, SIMULATED)]
 
-    def _show_exported(self, job: Job, made: pn.Column) -> None:
-        several = job.output.get("exports")
-        parts: list[Any] = []
-        for written in several if isinstance(several, list) else [job.output]:
-            parts += self._exported(written) if isinstance(written, dict) else []
-        made[:] = parts
+    def _show_exported(self, job: Job) -> list[Any]:
+        written = job.output.get("exports", [job.output])
+        return [part for one in written for part in self._exported(one)]
 
     def _exported(self, written: Mapping[str, Any]) -> list[Any]:
         """Return what is to be said of an export, and its files."""
-        files, findings = written.get("files"), written.get("findings")
-        paths = [Path(str(path)) for path in files] if isinstance(files, list) else []
-        rmse = written.get("rmse_K")
-        said = table(
-            ("test", "network", "effects", "RMSE of the winding [K]"),
-            [
-                (str(written.get("test", "")), str(written.get("title", "")),
-                 ", ".join(map(str, written.get("effects") or ())),
-                 "not measured" if rmse is None else float(rmse))
-            ],
-        )  # fmt: skip
-        said += "".join(
-            message("warning", f"{f.get('message', '')} {f.get('remedy', '')}")
-            for f in findings or ()
-            if isinstance(f, dict)
-        )
+        head = ("test", "network", "effects", "RMSE of the winding [K]")
+        said = table(head, [_predicted(written, written["title"])])
+        for f in written["findings"]:
+            said += message("warning", f"{f['message']} {f['remedy']}")
+        paths = [Path(path) for path in written["files"]]
         return [text_pane(said), self._downloads(paths, EXPORTED)]
 
-    def _downloads(self, paths: list[Path], folder: str) -> pn.FlexBox:
+    def _downloads(self, paths: Sequence[Path], folder: str) -> pn.FlexBox:
         root = (self._page.out.parent / folder).resolve()
         return pn.FlexBox(*(download(path.resolve(), root, width=240) for path in paths))
+
+
+def _form(
+    title: str,
+    intro: str,
+    queue: JobQueue,
+    words: Callable[[], list[str]],
+    show: Callable[[Job], list[Any]],
+    choices: Sequence[Any] = (),
+) -> list[Any]:
+    """Return what stands in a form: its text, its choices, its button, and what was made."""
+    made = stacked()
+
+    def asked() -> list[str]:
+        made[:] = []
+        return words()
+
+    job = JobPane(queue, title, asked, lambda job: made.__setitem__(slice(None), show(job)))
+    heading = text_pane(f"<h3>{escape(title)}</h3><p>{escape(intro)}</p>")
+    return [heading, pn.FlexBox(*choices), job.view, made]
+
+
+def _predicted(row: Mapping[str, Any], network: str) -> tuple[Any, ...]:
+    rmse = row.get("rmse_K")
+    effects = ", ".join(row.get("effects") or ())
+    return row["test"], network, effects, "not measured" if rmse is None else float(rmse)
 
 
 NO_REFERENCE = "(choose)"
 
 
 class Reporting:
-    """A form that starts `heatrun report`, and the reports it has written.
+    """A form that starts `heatrun report`, and the reports it has written."""
 
-    Attributes:
-        view: What goes on the page.
-    """
-
-    def __init__(self, page: Choices, queue: JobQueue) -> None:
+    def __init__(self, page: Page, queue: JobQueue) -> None:
         self._page = page
-        self._intro = page.pane("")
+        self._intro = text_pane()
         self._reference = pn.widgets.Select(
-            name="Record of the other prototype", options=[NO_REFERENCE],
-            sizing_mode="stretch_width",
-        )  # fmt: skip
+            name="Record of the other prototype", options=[NO_REFERENCE], sizing_mode=WIDE
+        )
         self._tolerances = pn.widgets.TextInput(
             name="Tolerances (optional)", placeholder="winding_degC=3 speed_rpm=50",
-            sizing_mode="stretch_width",
+            sizing_mode=WIDE,
         )  # fmt: skip
-        self._pair = pn.Column(
-            self._reference, self._tolerances, visible=False, sizing_mode="stretch_width"
-        )
-        self._problem = page.pane("")
-        self._job = JobPane(queue, "Make report")
-        self._job.start.on_click(lambda _: self._start())
-        self._made = pn.Column(sizing_mode="stretch_width")
-        self.view = pn.Column(
-            self._intro, self._pair, self._job.view, self._problem, self._made,
-            sizing_mode="stretch_width",
-        )  # fmt: skip
+        self._pair = stacked(self._reference, self._tolerances, visible=False)
+        self._job = JobPane(queue, "Make report", self._words, self._show, self._show)
+        self._made = stacked()
+        self.view = stacked(self._intro, self._pair, self._job.view, self._made)
 
     def say_missing(self, missing: Sequence[str]) -> None:
         """Show what the chosen test type answers, and what the chosen tests lack for it."""
@@ -236,42 +193,29 @@ class Reporting:
         """Return the selected run, where the test type can show it."""
         return self._page.run if self._page.kind in ("thermal", "virtual") else None
 
-    def _start(self) -> None:
-        try:
-            words = self._words()
-        except InputError as error:
-            self._problem.object = error_message(error)
-            return
-        self._problem.object = ""
-        self._made[:] = []
-        self._job.run(words, self._show, when_failed=self._show)
-
     def _words(self) -> list[str]:
         page = self._page
-        if page.motor_path is None:
-            raise InputError("Expected a motor file.", remedy="Choose one in the side panel.")
-        if not page.chosen:
-            raise InputError("Expected a test.", remedy="Choose tests in the side panel.")
-        card = CARDS[page.kind]
-        words = ["report", "--type", page.kind, str(page.motor_path)]
-        words += self._tests()
+        motor, tests = page.required_motor(), page.required_tests()
+        words = ["report", "--type", page.kind, motor, *self._with_roles(tests)]
         words += ["--out", str(page.out.parent / "reports")]
-        if card.needs_reference:
+        if CARDS[page.kind].needs_reference:
             words += [f"--tolerance={each}" for each in str(self._tolerances.value).split()]
-        return words + self._compared()
+        words += self._compared()
+        self._made[:] = []
+        return words
 
-    def _tests(self) -> list[str]:
+    def _with_roles(self, paths: Sequence[str]) -> list[str]:
         """Return the paths of the tests; of prototypes each with a role, which says of a model."""
         page = self._page
         if page.kind != "prototypes":
-            return [str(page.path(name)) for name in page.chosen]
-        if len(page.chosen) < 2:
+            return [*paths]
+        if len(paths) < 2:
             raise InputError("Expected two tests or more.", remedy="Choose them in the side panel.")
         named = []
-        for number, name in enumerate(page.chosen, 1):
+        for number, (name, path) in enumerate(zip(page.chosen, paths, strict=True), 1):
             stem = Path(name).name.split(".")[0].replace("=", " ")
             role = f"{'virtual ' if name in page.simulated else ''}{number} {stem}"
-            named.append(f"{role[:LONGEST_ROLE]}={page.path(name)}")
+            named.append(f"{role[:LONGEST_ROLE]}={path}")
         return named
 
     def _compared(self) -> list[str]:
@@ -294,21 +238,14 @@ class Reporting:
         return []
 
     def _show(self, job: Job) -> None:
-        reports = job.output.get("reports")
-        parts = []
-        for report in reports if isinstance(reports, list) else []:
-            parts += self._one(report)
-        self._made[:] = parts
+        reports = job.output.get("reports", ())
+        self._made[:] = [part for report in reports for part in self._one(report)]
 
     def _one(self, report: Mapping[str, Any]) -> list[Any]:
         if "error" in report:
             error = report["error"]
-            return [
-                self._page.pane(
-                    error_message(InputError(error["problem"], where=error["where"],
-                                             remedy=error["remedy"]))
-                )
-            ]  # fmt: skip
+            said = InputError(error["problem"], where=error["where"], remedy=error["remedy"])
+            return [text_pane(error_message(said))]
         files = [Path(path) for path in report["written"]]
         root = (self._page.out.parent / "reports").resolve()
         buttons = [
@@ -326,32 +263,25 @@ class Reporting:
         )
         head = f"<h3>{escape(report['test'])}</h3><p>{escape(report['summary'])}</p>"
         body = table(("", "value", "unit", ""), rows)
-        return [self._page.pane(head), pn.FlexBox(*buttons), self._page.pane(body + told)]
+        return [text_pane(head), pn.FlexBox(*buttons), text_pane(body + told)]
 
 
 class Sending:
-    """Where files are dropped.
-
-    Attributes:
-        view: What goes on the page.
-    """
+    """Where files are dropped."""
 
     def __init__(self, room: UploadRoom, arrived: Callable[[], None]) -> None:
         """Take where files are kept, and whom to tell of new ones."""
         self._room, self._arrived = room, arrived
-        self._dropper = BoundedDropper(room, self._refuse, height=90, sizing_mode="stretch_width")
+        self._dropper = BoundedDropper(room, self._refuse, height=90, sizing_mode=WIDE)
         self._problem = text_pane()
-        self.view = pn.Column(
-            text_pane("<h3>Other files</h3>"), self._dropper, self._problem,
-            sizing_mode="stretch_width",
-        )  # fmt: skip
-        self._dropper.param.watch(self._keep, "value")
+        self.view = stacked(text_pane("<h3>Other files</h3>"), self._dropper, self._problem)
+        on_change(self._keep, self._dropper)
 
     def close(self) -> None:
         """Give back the room of what has not arrived."""
         self._dropper.close()
 
-    def _keep(self, _: Any) -> None:
+    def _keep(self) -> None:
         problems = ""
         for name, content in self._dropper.arrived().items():
             try:
