@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import io
+
 import numpy as np
+import pandas as pd
 import pytest
 
 from heatrun.errors import InputError
@@ -387,6 +390,17 @@ def test_a_row_for_each_sample_of_a_tag(tmp_path):
     np.testing.assert_array_equal(record["phase_current_A"], CURRENT)
 
 
+def test_a_row_for_each_sample_of_a_tag_in_parquet(tmp_path):
+    clock = 2.0 * np.arange(N)
+    table = pd.read_csv(io.StringIO(by_tag(clock, clock)), parse_dates=["TimeStamp"])
+    table["Quality"] = np.where(table.index == 10, "Bad", "Good")  # the sixth of the winding
+    table.to_parquet(tmp_path / "run.parquet")
+    record = read_record(tmp_path / "run.parquet", Motor("M", columns=COLUMNS))
+    np.testing.assert_array_equal(record.time_s, clock)
+    assert np.flatnonzero(np.isnan(record["winding_degC"])).tolist() == [5]
+    np.testing.assert_array_equal(record["phase_current_A"], CURRENT)
+
+
 def test_tags_with_clocks_of_their_own_are_joined_at_the_readings(tmp_path):
     clock = 2.0 * np.arange(N)
     late = clock + 0.5 * (np.arange(N) % 3)
@@ -454,6 +468,22 @@ def test_a_reading_marked_as_not_good_is_missing(tmp_path, head, good, bad):
     assert finding.values == {"count": 3, "first_line": 7}
     assert f"3 of {N} readings are marked" in finding.message
     assert bad in finding.message
+
+
+def test_marks_of_no_column_are_told(tmp_path):
+    marks = marked("Good", "Bad")
+    body = "\n".join(f"{2 * i},{TEMPERATURE[i]},{marks[i]},Good,{CURRENT[i]}" for i in range(N))
+    record = read_record(
+        written(tmp_path, f"Time [s],Coil [°C],x Quality,y Quality,I_rms [A]\n{body}")
+    )
+    assert np.flatnonzero(np.isnan(record["winding_degC"])).tolist() == [5, 6, 7]  # to its left
+    body = "\n".join(f"{2 * i},{TEMPERATURE[i]},Good,{marks[i]},{CURRENT[i]}" for i in range(N))
+    record = read_record(
+        written(tmp_path, f"Time [s],Coil [°C],x Quality,y Quality,I_rms [A]\n{body}")
+    )
+    np.testing.assert_array_equal(record["winding_degC"], TEMPERATURE)
+    (finding,) = [one for one in record.findings if one.id == "unreadable_cells"]
+    assert "none of its readings is left out" in finding.message
 
 
 def test_one_column_of_marks_is_that_of_its_line(tmp_path):
