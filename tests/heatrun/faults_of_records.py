@@ -195,6 +195,10 @@ PEAKED, PEAKED_SMOOTH = (
     for one in (CLEAN, SMOOTH)
     for peak_s in (float(one.time_s[np.argmax(one["winding_degC"])]),)
 )  # stuck where the load falls
+STUCK_UNDER_NOISE = edited(
+    SMOOTH, "winding_degC", 900.0, 1500.0,
+    lambda T: T[0] + 0.05 * np.random.default_rng(4).standard_normal(T.size),
+)  # fmt: skip
 LIMIT = float(np.quantile(CLEAN["winding_degC"], 0.9))
 
 # The same faults in another form: id, record, motor, severity expected (None: silent)
@@ -247,6 +251,12 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
         MOTOR, "warning",
     ),
     "constant": ("sensor_stuck", edited(CLEAN, "winding_degC", 0, 1e9, 22.0), MOTOR, "error"),
+    "stuck under its noise": ("sensor_stuck", STUCK_UNDER_NOISE, MOTOR, "error"),
+    "stuck under its noise and no jump": ("temperature_jump", STUCK_UNDER_NOISE, MOTOR, None),
+    "stuck under its noise and not detached": ("sensor_detached", STUCK_UNDER_NOISE, MOTOR, None),
+    "plateau under noise": (
+        "sensor_stuck", heat_run(currents=(120.0,) * 3, rounding=0.0, noise=0.2), MOTOR, None
+    ),
     "plateau at 1 degC": ("sensor_stuck", STEADY, MOTOR, None),
     "open circuit": (
         "sensor_detached", edited(CLEAN, "winding_degC", 800.0, 805.0, 1372.0), MOTOR, "error"
