@@ -195,6 +195,16 @@ PEAKED, PEAKED_SMOOTH = (
     for one in (CLEAN, SMOOTH)
     for peak_s in (float(one.time_s[np.argmax(one["winding_degC"])]),)
 )  # stuck where the load falls
+LONG = heat_run(2, 90.0, step_s=0.5)
+LOSES_CONTACT = changed(
+    LONG,
+    winding_degC=np.round(
+        LONG["winding_degC"]
+        - 0.4
+        * np.clip((LONG.time_s - 2400.0) / 1500.0, 0.0, 1.0)
+        * (LONG["winding_degC"] - LONG["ambient_degC"])
+    ),
+)
 STUCK_UNDER_NOISE = edited(
     SMOOTH, "winding_degC", 900.0, 1500.0,
     lambda T: T[0] + 0.05 * np.random.default_rng(4).standard_normal(T.size),
@@ -221,6 +231,8 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
         changed(SMOOTH, housing_degC=SMOOTH["winding_degC"] + SLID_K),
         MOTOR, "error",
     ),
+    "contact lost over 25 min": ("sensor_detached", LOSES_CONTACT, MOTOR, "warning"),
+    "contact lost over 25 min and no late load": ("load_late", LOSES_CONTACT, MOTOR, None),
     "one NaN": (
         "nan_block", edited(CLEAN, "losses_W", 600.0, 600.1, np.nan), MOTOR, "note"
     ),
