@@ -399,6 +399,9 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
     "load and cool-down": (
         "single_step", heat_run(currents=(130.0, 130.0, 0.0), minutes=30.0), MOTOR, None
     ),
+    "load and cool-down in two minutes": (
+        "too_short", heat_run(currents=(150.0, 0.0), minutes=1.9), MOTOR, "warning"
+    ),
     "one level for 15 min": (
         "too_short", heat_run(currents=(130.0,), minutes=15.0), MOTOR, "warning"
     ),
