@@ -361,6 +361,16 @@ def test_a_datenum_counts_days(tmp_path):
     np.testing.assert_allclose(record.time_s, 84.375 * np.arange(N), atol=1e-3)
 
 
+@pytest.mark.parametrize("name", ["Timestamp", "time", "Time [s]"])
+@pytest.mark.parametrize("per_second", [10**3, 10**6, 10**9])
+def test_counts_since_1970_are_read_without_a_unit(tmp_path, name, per_second):
+    first = 1_741_093_200 * per_second  # 2025-03-04 13:00
+    counts = [f"{first + i * per_second // 4}" for i in range(N)]
+    record = read_record(written(tmp_path, f"{name},Coil [degC]\n" + rows(counts, "{time},{T}")))
+    np.testing.assert_array_equal(record.time_s, 0.25 * np.arange(N))
+    assert (record.start, record.clock_s) == ("2025-03-04", 13 * 3600.0)
+
+
 def test_days_of_three_digits_may_be_hours_of_a_clock_with_hundredths(tmp_path):
     clock = [f"000:00:{i:02d}:00" for i in range(N)]
     path = written(tmp_path, "No,Clock,T1 [degC]\n" + rows(clock, "{i},{time},{T}"))

@@ -484,3 +484,15 @@ def test_a_reading_marked_as_not_good_is_missing_whatever_the_format(
     (finding,) = [one for one in record.findings if one.id == "unreadable_cells"]
     assert finding.values == {"count": 3, "first_line": 7 if write is excel else 6}
     assert not [one for one in record.findings if one.id == "variables_left_out"]
+
+
+@pytest.mark.parametrize(
+    ("write", "file"), [(as_parquet, "run.parquet"), (in_h5, "run.h5"), (letters, "run.mat")]
+)
+@pytest.mark.parametrize("per_second", [10**3, 10**9])
+def test_counts_since_1970_are_times_in_any_format(tmp_path, write, file, per_second):
+    counts = (1_741_093_200 + np.arange(ROWS)) * per_second
+    write(tmp_path / file, pd.DataFrame({"time": counts, "Coil": 20.0 + np.arange(ROWS)}))
+    record = read_record(tmp_path / file, Motor("M", columns={"winding_degC": "Coil [degC]"}))
+    np.testing.assert_array_equal(record.time_s, np.arange(ROWS))
+    assert (record.start, record.clock_s) == ("2025-03-04", 13 * 3600.0)

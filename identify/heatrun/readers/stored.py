@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ..errors import InputError
 from ..io.open_file import LARGEST_NUMBERS
@@ -23,6 +24,7 @@ from ..record.table import Column, Question, Stated, Table
 from ..record.units import find_unit, is_unit, quantities_of
 from .foreign import library, reading
 from .historian import LONGEST_MARK, Variable, by_tag, is_time, without_bad
+from .text.values import counted_times
 
 UNIT_KEYS = ("units", "unit", "unit_string", "ni_unitdescription", "unit_description")
 MISSING_KEYS = ("_fillvalue", "missing_value")
@@ -113,6 +115,11 @@ class Stored:
         """
         heading = "" if heading == name else heading
         label, by_name = split_name(heading or name)
+        times = counted_times(pd.Series(values), values) if self.is_plain else None
+        if times is not None:
+            return Column(
+                name, label, "s", times.numbers, times.note, (), heading, start=times.start
+            )
         beside = () if self.unit is None else (Stated(self.unit, source),)
         return Column(
             name, label, self.unit or by_name, values, self.note, beside, heading,
