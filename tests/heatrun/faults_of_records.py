@@ -251,6 +251,9 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
     ),
     "cut at the end": ("cut_while_warm", cut(CLEAN, Stretch(0.0, 1800.0), "test"), MOTOR, None),
     "cut before the load": ("cut_while_warm", cut(CLEAN, Stretch(10.0), "test"), MOTOR, None),
+    "an hour missing, and no reading that stands still over it": (
+        "sensor_stuck", shifted_clock(every(CLEAN, 10), 1800.0, 3600.0), MOTOR, None
+    ),
     "six minutes missing": ("time_gap", shifted_clock(CLEAN, 900.0, 360.0), MOTOR, "error"),
     "stuck to the end": ("sensor_stuck", STRETCHED, MOTOR, "error"),
     "stuck at its highest": ("sensor_stuck", PEAKED_SMOOTH, MOTOR, "error"),

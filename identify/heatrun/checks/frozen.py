@@ -20,6 +20,7 @@ from ..record.record import Finding, Record
 from ..record.samples import (
     channel_of,
     is_loaded,
+    median_step,
     place,
     rounding_step,
     runs,
@@ -30,7 +31,7 @@ from ..record.stretch import windows, within
 from .advice import Part, Remedy, mask_line, use_line, widened
 from .load_spike import of_the_load
 from .quick_fit import QuickFit, course_of, fit_of, quick_fit
-from .time_axis import MAX_GAP_S, MAX_GAP_SHARE
+from .time_axis import GAP_STEPS, MAX_GAP_S, MAX_GAP_SHARE
 from .unexplained import Movement, unexplained_movement
 
 LIVE_STEP_K = 0.05
@@ -124,7 +125,8 @@ def frozen_stretches(record: Record, motor: Motor) -> Iterator[Stretch]:
     if time_s.size < LIVE_SAMPLES:
         return
     step = rounding_step(winding)
-    first, past = runs(np.diff(winding) == 0.0)
+    goes_on = np.diff(time_s) <= GAP_STEPS * median_step(time_s)
+    first, past = runs((np.diff(winding) == 0.0) & goes_on)
     elsewhere = winding.size - 1 - np.max(past - first, initial=0)
     flickers = np.count_nonzero(np.diff(winding)) >= FLICKERS * elsewhere
     is_live = flickers and (step is None or step < LIVE_STEP_K)
@@ -172,6 +174,7 @@ def _under_noise(time_s: np.ndarray, winding: np.ndarray) -> list[tuple[int, int
     num = winding.size // width
     if num < LEAST_MEANS:
         return []
+    gap_s = GAP_STEPS * median_step(time_s)
     parts = winding[: num * width].reshape(num, width)
     means, bent = np.mean(parts, axis=1), np.mean(np.abs(np.diff(parts, 2)), axis=1) / OF_BENDS
     noise = np.array([np.median(bent[i : i + LEAST_MEANS]) for i in range(num)])
@@ -193,7 +196,8 @@ def _under_noise(time_s: np.ndarray, winding: np.ndarray) -> list[tuple[int, int
         before, behind = np.flatnonzero(is_off[:a]), np.flatnonzero(is_off[b + 1 :])
         a = max(int(before[-1]) + 1 if before.size else 0, a - width)
         b = min(b + int(behind[0]) if behind.size else winding.size - 1, b + width)
-        if time_s[b] - time_s[a] >= MIN_STRETCH_S:
+        longest_s = np.max(np.diff(time_s[a : b + 1]))
+        if time_s[b] - time_s[a] >= MIN_STRETCH_S and longest_s <= gap_s:
             found.append((a, b, float(noise[i])))
     return found
 
