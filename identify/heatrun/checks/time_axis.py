@@ -130,7 +130,7 @@ def is_sorted_otherwise(record: Record) -> bool:
     is_even = usual > 0.0 and bool((np.abs(steps - usual) < MAX_JITTER * usual).all())
     falls = np.flatnonzero(np.diff(time_s) < 0.0)
     is_set = num_falls == 1 and by_daylight_saving(
-        record, time_s[falls[0]], float(np.diff(time_s)[falls[0]]), usual
+        record, float(time_s[falls[0]]), float(np.diff(time_s)[falls[0]]), usual
     )
     return num_falls > MOST_PARTS or (is_even and not is_set)
 
