@@ -20,7 +20,17 @@ from jaxtyping import Float
 
 from ..record.motor import Motor
 from ..record.record import Record
-from .quick_fit import Course, course_of, fit_of, misfits_K
+from .quick_fit import (
+    APART,
+    GRID,
+    NOISE_K,
+    START_SD_K,
+    Course,
+    course_of,
+    fit_of,
+    places_of,
+    solved,
+)
 
 BLOCKS = 150
 """Block means of a record that do for this [1]."""
@@ -40,6 +50,9 @@ LIMITS = (300.0, 0.02), (3000.0, 0.9)
 
 MOVES = np.array([*product((-1.0, 0.0, 1.0), repeat=3)])
 """From the best try to those beside it, in steps of each."""
+
+NEAR = 2.5
+"""Factor about time constants within which others are sought [1]."""
 
 LEAST_SHARE_LOST = 0.1
 """Of the rise [1]: what a network of two nodes leaves of a fan or a rotor looks like less."""
@@ -82,12 +95,12 @@ def lost_contact(record: Record, motor: Motor) -> LostContact | None:
     first_s = float(course.time_s[0])
     tried = np.array([*product(first_s + step_s * np.arange(1, MOMENTS + 1), LENGTHS_S, SHARES)])
     width = np.array([0.5 * step_s, 0.25 * LENGTHS_S[0], 0.5 * (SHARES[1] - SHARES[0])])
-    misfits, near_s = misfits_K(course, _put_right(course, tried))
+    misfits, near_s = _misfits_K(course, _put_right(course, tried))
     best, num_left = tried[np.argmin(misfits)], NARROWED
     for _ in range(MOST_ROUNDS):
         tried = best + MOVES * width * np.array([1.0, best[1] / LENGTHS_S[0], 1.0])
         tried[:, 1:] = np.clip(tried[:, 1:], *LIMITS)
-        misfits, near_s = misfits_K(course, _put_right(course, tried), near_s)
+        misfits, near_s = _misfits_K(course, _put_right(course, tried), near_s)
         nearest = tried[np.argmin(misfits)]
         if np.array_equal(nearest, best):
             width, num_left = 0.5 * width, num_left - 1
@@ -108,3 +121,42 @@ def _put_right(course: Course, tried: Float[np.ndarray, "try 3"]) -> Float[np.nd
     from_s, lasts_s, share = tried.T[:, :, None]
     lost = share * np.clip((course.time_s - from_s) / lasts_s, 0.0, 1.0)
     return course.sink_degC + (course.winding_degC - course.sink_degC) / (1.0 - lost)
+
+
+def _misfits_K(
+    course: Course,
+    windings_degC: Float[np.ndarray, "try block"],
+    near_s: tuple[float, float] | None = None,
+) -> tuple[Float[np.ndarray, " try"], tuple[float, float]]:
+    """Fit two nodes to each of several readings in place of a course's own, on one grid.
+
+    Args:
+        course: The heat, and the sink.
+        windings_degC: The readings.
+        near_s: Fast and slow time constant about which the grid lies; None for all of them.
+
+    Returns:
+        What is left of each, rms [K], and the time constants [s] of the one with the least.
+    """
+    first_s = np.array([course.step_s, 4.0 * course.step_s])
+    last_s = np.array([0.3, 4.0]) * course.duration_s
+    if near_s is not None:
+        first_s, last_s = (np.array(near_s) * NEAR**sign for sign in (-1.0, 1.0))
+    axes = np.geomspace(first_s, last_s, GRID, axis=1)
+    pairs = np.argwhere(axes[1][None] >= APART * axes[0][:, None]).T
+    pairs_s = np.stack([axes[0][pairs[0]], axes[1][pairs[1]]])
+    mixed, lagged = course.mixed(pairs_s), course.lagged(axes.ravel())[places_of(pairs)]
+    rows, start = mixed[:, :5] @ lagged, mixed[:, 5:, :8] @ lagged[:, :8]
+    sought = windings_degC - course.sink_degC[0] + start
+    num = windings_degC.shape[0]
+    sd = np.array([np.inf, np.inf, np.inf, course.body_sd_K, START_SD_K])
+    squares = solved(
+        np.repeat(rows @ rows.transpose(0, 2, 1), num, axis=0),
+        (sought @ rows.transpose(0, 2, 1)).reshape(-1, 5),
+        np.sum(sought**2, axis=2).ravel(),
+        penalty=(NOISE_K / sd) ** 2,
+        num_positive=2,
+    ).squares.reshape(-1, num)
+    pair = int(np.argmin(np.min(squares, axis=1)))
+    fast, slow = map(float, pairs_s[:, pair])
+    return np.sqrt(np.min(squares, axis=0) / course.time_s.size), (fast, slow)

@@ -65,9 +65,6 @@ SENSOR_S, LAG_SHOWN, LAG_REACH = (6.0, 10.0, 16.0, 25.0, 40.0), 3.0, 4.0
 factor [1] by which it may have made time constants longer; it may have taken the place of the fast
 one, which is then its square longer."""
 
-NEAR = 2.5
-"""Factor about time constants within which others are sought [1]."""
-
 GRID, MOST_LOOKS, ENOUGH, SMALLEST = 18, 8, 0.3, 1e-3
 """Time constants on each axis; the grid is drawn closer until this share of it [1] has more than
 the smallest weight beside the best [1]."""
@@ -428,7 +425,7 @@ class _Look(NamedTuple):
     freedom: float
 
 
-def _places(pairs: np.ndarray) -> np.ndarray:
+def places_of(pairs: np.ndarray) -> np.ndarray:
     """Rows of `Course.lagged` that pairs mix, shape (pair, 9)."""
     drives = 2 * GRID * np.arange(4)
     fast, slow = pairs[:, :, None]
@@ -439,7 +436,7 @@ def _look(course: Course, axes: np.ndarray) -> _Look:
     fast_s, slow_s = axes
     pairs = np.argwhere(slow_s[None] >= APART * fast_s[:, None]).T
     pairs_s = np.stack([fast_s[pairs[0]], slow_s[pairs[1]]])
-    lagged, places = course.lagged(axes.ravel()), _places(pairs)
+    lagged, places = course.lagged(axes.ravel()), places_of(pairs)
     counted, mixed = lagged[:, course.is_counted], course.mixed(pairs_s)
     products = (counted @ counted.T)[places[:, :, None], places[:, None]]
     products = mixed @ products @ mixed.transpose(0, 2, 1)
@@ -458,45 +455,6 @@ def _look(course: Course, axes: np.ndarray) -> _Look:
     return _Look(course, axes, lagged, pairs, pairs_s, found, weight, largest, freedom)
 
 
-def misfits_K(
-    course: Course,
-    windings_degC: Float[np.ndarray, "try block"],
-    near_s: tuple[float, float] | None = None,
-) -> tuple[Float[np.ndarray, " try"], tuple[float, float]]:
-    """Fit two nodes to each of several readings in place of a course's own, on one grid.
-
-    Args:
-        course: The heat, and the sink.
-        windings_degC: The readings.
-        near_s: Fast and slow time constant about which the grid lies; None for all of them.
-
-    Returns:
-        What is left of each, rms [K], and the time constants [s] of the one with the least.
-    """
-    first_s = np.array([course.step_s, 4.0 * course.step_s])
-    last_s = np.array([0.3, 4.0]) * course.duration_s
-    if near_s is not None:
-        first_s, last_s = (np.array(near_s) * NEAR**sign for sign in (-1.0, 1.0))
-    axes = np.geomspace(first_s, last_s, GRID, axis=1)
-    pairs = np.argwhere(axes[1][None] >= APART * axes[0][:, None]).T
-    pairs_s = np.stack([axes[0][pairs[0]], axes[1][pairs[1]]])
-    mixed, lagged = course.mixed(pairs_s), course.lagged(axes.ravel())[_places(pairs)]
-    rows, start = mixed[:, :5] @ lagged, mixed[:, 5:, :8] @ lagged[:, :8]
-    sought = windings_degC - course.sink_degC[0] + start
-    num = windings_degC.shape[0]
-    sd = np.array([np.inf, np.inf, np.inf, course.body_sd_K, START_SD_K])
-    squares = solved(
-        np.repeat(rows @ rows.transpose(0, 2, 1), num, axis=0),
-        (sought @ rows.transpose(0, 2, 1)).reshape(-1, 5),
-        np.sum(sought**2, axis=2).ravel(),
-        penalty=(NOISE_K / sd) ** 2,
-        num_positive=2,
-    ).squares.reshape(-1, num)
-    pair = int(np.argmin(np.min(squares, axis=1)))
-    fast, slow = map(float, pairs_s[:, pair])
-    return np.sqrt(np.min(squares, axis=0) / course.time_s.size), (fast, slow)
-
-
 def _told(look: _Look) -> QuickFit | None:
     """What the grid says: the best pair, and how far the others disagree with it."""
     course = look.course
@@ -506,7 +464,7 @@ def _told(look: _Look) -> QuickFit | None:
     solution = look.found.solution[likely]
     mixed, lagged = (
         course.mixed(look.pairs_s[:, likely]),
-        look.lagged[_places(look.pairs[:, likely])],
+        look.lagged[places_of(look.pairs[:, likely])],
     )
     signs = np.concatenate([-solution, np.ones((weight.size, 1))], axis=1)
     errors = np.einsum("ki,kij,kjn->kn", signs, mixed, lagged, optimize=True)
