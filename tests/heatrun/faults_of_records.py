@@ -195,6 +195,20 @@ PEAKED, PEAKED_SMOOTH = (
     for one in (CLEAN, SMOOTH)
     for peak_s in (float(one.time_s[np.argmax(one["winding_degC"])]),)
 )  # stuck where the load falls
+LONG = heat_run(2, 90.0, step_s=0.5)
+LOSES_CONTACT = changed(
+    LONG,
+    winding_degC=np.round(
+        LONG["winding_degC"]
+        - 0.4
+        * np.clip((LONG.time_s - 2400.0) / 1500.0, 0.0, 1.0)
+        * (LONG["winding_degC"] - LONG["ambient_degC"])
+    ),
+)
+STUCK_UNDER_NOISE = edited(
+    SMOOTH, "winding_degC", 900.0, 1500.0,
+    lambda T: T[0] + 0.05 * np.random.default_rng(4).standard_normal(T.size),
+)  # fmt: skip
 LIMIT = float(np.quantile(CLEAN["winding_degC"], 0.9))
 
 # The same faults in another form: id, record, motor, severity expected (None: silent)
@@ -217,6 +231,8 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
         changed(SMOOTH, housing_degC=SMOOTH["winding_degC"] + SLID_K),
         MOTOR, "error",
     ),
+    "contact lost over 25 min": ("sensor_detached", LOSES_CONTACT, MOTOR, "warning"),
+    "contact lost over 25 min and no late load": ("load_late", LOSES_CONTACT, MOTOR, None),
     "one NaN": (
         "nan_block", edited(CLEAN, "losses_W", 600.0, 600.1, np.nan), MOTOR, "note"
     ),
@@ -235,6 +251,9 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
     ),
     "cut at the end": ("cut_while_warm", cut(CLEAN, Stretch(0.0, 1800.0), "test"), MOTOR, None),
     "cut before the load": ("cut_while_warm", cut(CLEAN, Stretch(10.0), "test"), MOTOR, None),
+    "an hour missing, and no reading that stands still over it": (
+        "sensor_stuck", shifted_clock(every(CLEAN, 10), 1800.0, 3600.0), MOTOR, None
+    ),
     "six minutes missing": ("time_gap", shifted_clock(CLEAN, 900.0, 360.0), MOTOR, "error"),
     "stuck to the end": ("sensor_stuck", STRETCHED, MOTOR, "error"),
     "stuck at its highest": ("sensor_stuck", PEAKED_SMOOTH, MOTOR, "error"),
@@ -247,6 +266,12 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
         MOTOR, "warning",
     ),
     "constant": ("sensor_stuck", edited(CLEAN, "winding_degC", 0, 1e9, 22.0), MOTOR, "error"),
+    "stuck under its noise": ("sensor_stuck", STUCK_UNDER_NOISE, MOTOR, "error"),
+    "stuck under its noise and no jump": ("temperature_jump", STUCK_UNDER_NOISE, MOTOR, None),
+    "stuck under its noise and not detached": ("sensor_detached", STUCK_UNDER_NOISE, MOTOR, None),
+    "plateau under noise": (
+        "sensor_stuck", heat_run(currents=(120.0,) * 3, rounding=0.0, noise=0.2), MOTOR, None
+    ),
     "plateau at 1 degC": ("sensor_stuck", STEADY, MOTOR, None),
     "open circuit": (
         "sensor_detached", edited(CLEAN, "winding_degC", 800.0, 805.0, 1372.0), MOTOR, "error"
@@ -376,6 +401,9 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
     ),
     "load and cool-down": (
         "single_step", heat_run(currents=(130.0, 130.0, 0.0), minutes=30.0), MOTOR, None
+    ),
+    "load and cool-down in two minutes": (
+        "too_short", heat_run(currents=(150.0, 0.0), minutes=1.9), MOTOR, "warning"
     ),
     "one level for 15 min": (
         "too_short", heat_run(currents=(130.0,), minutes=15.0), MOTOR, "warning"

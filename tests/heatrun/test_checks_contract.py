@@ -181,3 +181,10 @@ def test_a_channel_that_is_never_there_has_no_part_to_use():
     said = advice_on_missing("losses_W", (0.0, 1e9))
     assert "[tests" not in said
     assert "Export the channel again" in said
+
+
+def test_a_test_under_two_minutes_says_what_it_can_tell():
+    brief = heat_run(1, 1.5, currents=(120.0,), rounding=0.1)
+    (finding,) = [one for one in check_record(brief, MOTOR) if one.id == "too_short"]
+    assert "for 70 s from the first load on" in finding.message
+    assert "Ceq_sr and Req_sr keep their priors" in finding.message

@@ -23,6 +23,7 @@ from heat_runs import (
     fell_off,
     heat_run,
     named,
+    shifted_clock,
     without,
 )
 
@@ -662,3 +663,18 @@ def test_losses_that_are_missing_for_a_while_are_checked_for_completeness():
     record = edited(CLEAN, "losses_W", 1000.0, 1130.0, lambda P: -0.001 * P)
     (finding,) = named(check_record(record, MOTOR), "losses_below_copper")
     assert finding.remedy.startswith("Check whether the losses are complete, and ")
+
+
+@pytest.mark.parametrize(
+    ("by_s", "id", "said"),
+    [(-3600.0, "time_backwards", "daylight saving ends"), (3600.0, "time_gap", "saving begins")],
+)
+def test_the_hour_of_daylight_saving_is_named(by_s, id, said):
+    record = replace(shifted_clock(SLOW, 1800.0, by_s), clock_s=2.5 * 3600.0)
+    told = [one for one in check_record(record, MOTOR) if one.severity == "error"]
+    (finding,) = told
+    assert finding.id == id
+    assert said in finding.message
+    assert "in UTC" in finding.remedy
+    by_day = replace(record, clock_s=12.5 * 3600.0)
+    assert not [one for one in check_record(by_day, MOTOR) if "saving" in one.message]

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import io
+
 import numpy as np
+import pandas as pd
 import pytest
 
 from heatrun.errors import InputError
@@ -358,6 +361,16 @@ def test_a_datenum_counts_days(tmp_path):
     np.testing.assert_allclose(record.time_s, 84.375 * np.arange(N), atol=1e-3)
 
 
+@pytest.mark.parametrize("name", ["Timestamp", "time", "Time [s]"])
+@pytest.mark.parametrize("per_second", [10**3, 10**6, 10**9])
+def test_counts_since_1970_are_read_without_a_unit(tmp_path, name, per_second):
+    first = 1_741_093_200 * per_second  # 2025-03-04 13:00
+    counts = [f"{first + i * per_second // 4}" for i in range(N)]
+    record = read_record(written(tmp_path, f"{name},Coil [degC]\n" + rows(counts, "{time},{T}")))
+    np.testing.assert_array_equal(record.time_s, 0.25 * np.arange(N))
+    assert (record.start, record.clock_s) == ("2025-03-04", 13 * 3600.0)
+
+
 def test_days_of_three_digits_may_be_hours_of_a_clock_with_hundredths(tmp_path):
     clock = [f"000:00:{i:02d}:00" for i in range(N)]
     path = written(tmp_path, "No,Clock,T1 [degC]\n" + rows(clock, "{i},{time},{T}"))
@@ -384,6 +397,17 @@ def test_a_row_for_each_sample_of_a_tag(tmp_path):
     record = read_record(path, Motor("M", columns=COLUMNS))
     np.testing.assert_array_equal(record.time_s, clock)
     np.testing.assert_array_equal(record["winding_degC"], TEMPERATURE)
+    np.testing.assert_array_equal(record["phase_current_A"], CURRENT)
+
+
+def test_a_row_for_each_sample_of_a_tag_in_parquet(tmp_path):
+    clock = 2.0 * np.arange(N)
+    table = pd.read_csv(io.StringIO(by_tag(clock, clock)), parse_dates=["TimeStamp"])
+    table["Quality"] = np.where(table.index == 10, "Bad", "Good")  # the sixth of the winding
+    table.to_parquet(tmp_path / "run.parquet")
+    record = read_record(tmp_path / "run.parquet", Motor("M", columns=COLUMNS))
+    np.testing.assert_array_equal(record.time_s, clock)
+    assert np.flatnonzero(np.isnan(record["winding_degC"])).tolist() == [5]
     np.testing.assert_array_equal(record["phase_current_A"], CURRENT)
 
 
@@ -454,6 +478,22 @@ def test_a_reading_marked_as_not_good_is_missing(tmp_path, head, good, bad):
     assert finding.values == {"count": 3, "first_line": 7}
     assert f"3 of {N} readings are marked" in finding.message
     assert bad in finding.message
+
+
+def test_marks_of_no_column_are_told(tmp_path):
+    marks = marked("Good", "Bad")
+    body = "\n".join(f"{2 * i},{TEMPERATURE[i]},{marks[i]},Good,{CURRENT[i]}" for i in range(N))
+    record = read_record(
+        written(tmp_path, f"Time [s],Coil [°C],x Quality,y Quality,I_rms [A]\n{body}")
+    )
+    assert np.flatnonzero(np.isnan(record["winding_degC"])).tolist() == [5, 6, 7]  # to its left
+    body = "\n".join(f"{2 * i},{TEMPERATURE[i]},Good,{marks[i]},{CURRENT[i]}" for i in range(N))
+    record = read_record(
+        written(tmp_path, f"Time [s],Coil [°C],x Quality,y Quality,I_rms [A]\n{body}")
+    )
+    np.testing.assert_array_equal(record["winding_degC"], TEMPERATURE)
+    (finding,) = [one for one in record.findings if one.id == "unreadable_cells"]
+    assert "none of its readings is left out" in finding.message
 
 
 def test_one_column_of_marks_is_that_of_its_line(tmp_path):

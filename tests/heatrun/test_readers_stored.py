@@ -6,6 +6,7 @@ import h5py
 import numpy as np
 import pandas as pd
 import pytest
+import scipy.io
 from scipy.io import netcdf_file
 
 from heatrun.errors import InputError
@@ -378,3 +379,105 @@ def test_a_group_of_another_length_is_to_be_a_file_of_its_own(tmp_path):
     assert "Slow/ambient" in finding.message
     assert "a file of their own" in finding.remedy
     assert "save(" not in finding.remedy
+
+
+ROWS = 12
+
+
+def excel(path, table):
+    table.to_excel(path, index=False)
+
+
+def as_parquet(path, table):
+    table.to_parquet(path)
+
+
+def categories(path, table):
+    kinds = {name: "category" for name in table if table[name].dtype.kind not in "fiub"}
+    table.astype(kinds).to_parquet(path)
+
+
+def in_h5(path, table):
+    with h5py.File(path, "w") as file:
+        for name in table:
+            is_text = table[name].dtype.kind not in "fiub"
+            file[name] = list(table[name]) if is_text else table[name].to_numpy()
+
+
+def in_groups(path, table):
+    """Write a group for each signal, with times and marks of its own."""
+    with h5py.File(path, "w") as file:
+        for name, end in (("Coil", ROWS), ("I_rms", ROWS - 4)):
+            (marks,) = [column for column in table if column.startswith(f"{name}_")]
+            held = {"time": "Time", "value": name, marks.removeprefix(f"{name}_"): marks}
+            for key, column in held.items():
+                values = table[column].to_numpy()[:end]
+                file[f"{name}/{key}"] = list(values) if values.dtype.kind not in "fiub" else values
+
+
+def records(path, table):
+    kinds = [(name, "S40" if table[name].dtype.kind not in "fiub" else "f8") for name in table]
+    with h5py.File(path, "w") as file:
+        file["log"] = np.array([*map(tuple, table.to_numpy())], dtype=kinds)
+
+
+def cells(path, table):
+    kinds = {name: object for name in table if table[name].dtype.kind not in "fiub"}
+    held = {name: table[name].to_numpy(dtype=kinds.get(name)) for name in table}
+    scipy.io.savemat(path, held, oned_as="column")
+
+
+def letters(path, table):
+    scipy.io.savemat(path, {name: table[name].to_numpy() for name in table}, oned_as="column")
+
+
+@pytest.mark.parametrize(
+    ("write", "file"),
+    [(excel, "run.xlsx"), (as_parquet, "run.parquet"), (categories, "run.parquet"),
+     (in_h5, "run.h5"), (in_groups, "run.h5"), (records, "run.h5"), (cells, "run.mat"),
+     (letters, "run.mat")],
+)  # fmt: skip
+@pytest.mark.parametrize(
+    ("kind", "good", "bad"),
+    [("quality", "Good", "Bad"), ("quality", 192, 24), ("quality", 0, -(2**31)),
+     ("valid", True, False), ("invalid", 0, 1)],
+)  # fmt: skip
+def test_a_reading_marked_as_not_good_is_missing_whatever_the_format(
+    tmp_path, write, file, kind, good, bad
+):
+    time = 2.0 * np.arange(ROWS)
+    marks = [bad if 5 <= i < 8 else good for i in range(ROWS)]
+    table = pd.DataFrame(
+        {"Time": time, "Coil": 20.0 + time, "I_rms": 9.0 + np.sin(time),
+         f"I_rms_{kind}": [good] * ROWS, f"Coil_{kind}": marks}
+    )  # fmt: skip
+    path = tmp_path / file
+    write(path, table)
+    coil, phase, clock = {
+        in_groups: ("Coil/value", "I_rms/value", "time"),
+        records: ("log/Coil", "log/I_rms", "log/Time"),
+    }.get(write, ("Coil", "I_rms", "Time"))
+    columns = {
+        "winding_degC": f"{coil} [degC]", "phase_current_A": f"{phase} [A]",
+        "time_s": f"{clock} [s]",
+    }  # fmt: skip
+    record = read_record(path, Motor("M", columns=columns))
+    held = np.isfinite(record["winding_degC"])
+    np.testing.assert_array_equal(record.time_s[held], np.delete(time, [5, 6, 7]))
+    is_phase = np.isfinite(record["phase_current_A"])
+    np.testing.assert_array_equal(is_phase[: held.size - 4], True)
+    (finding,) = [one for one in record.findings if one.id == "unreadable_cells"]
+    assert finding.values == {"count": 3, "first_line": 7 if write is excel else 6}
+    assert not [one for one in record.findings if one.id == "variables_left_out"]
+
+
+@pytest.mark.parametrize(
+    ("write", "file"), [(as_parquet, "run.parquet"), (in_h5, "run.h5"), (letters, "run.mat")]
+)
+@pytest.mark.parametrize("per_second", [10**3, 10**9])
+def test_counts_since_1970_are_times_in_any_format(tmp_path, write, file, per_second):
+    counts = (1_741_093_200 + np.arange(ROWS)) * per_second
+    write(tmp_path / file, pd.DataFrame({"time": counts, "Coil": 20.0 + np.arange(ROWS)}))
+    record = read_record(tmp_path / file, Motor("M", columns={"winding_degC": "Coil [degC]"}))
+    np.testing.assert_array_equal(record.time_s, np.arange(ROWS))
+    assert (record.start, record.clock_s) == ("2025-03-04", 13 * 3600.0)

@@ -39,7 +39,7 @@ from .load_spike import load_spike, spike_windows
 from .losses import current_amplitude, losses_below_copper, losses_negative, losses_of_shaft
 from .presence import missing_channel, nan_block, too_few_samples
 from .same_quantity import columns_disagree
-from .sensor import open_spans, sensor_detached, temperature_jump
+from .sensor import loses_contact, open_spans, sensor_detached, temperature_jump
 from .standstill import current_scale_unchecked, resistance_coefficient, standstill_losses
 from .suitability import simulated_by_heatrun
 from .time_axis import (
@@ -178,7 +178,8 @@ def _of_the_sensor(record: Record, motor: Motor) -> tuple[list[Finding], Record]
         found = [one for one in found if not _is_below_a_top(one, told)]
         errors = [one for one in found if mended(record, motor, one)[0] is not record]
         if not errors:
-            return [*told, *found], record
+            slowly = () if told else loses_contact(record, motor)
+            return [*told, *found, *slowly], record
         # a housing that is off makes a fault of the winding, and no winding one of the housing
         first = min(
             errors,

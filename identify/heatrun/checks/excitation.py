@@ -36,6 +36,10 @@ APART = 5.0
 ENOUGH_CONSTANTS = 2.0
 """From two on, both are good to 4 % and nothing is said."""
 
+SHORTEST_S = 120.0
+"""About the time constant of a winding [s]: until then hardly any heat has reached the body behind
+it, and what settles is not the machine."""
+
 TWO_HOURS_S = 7200.0
 KNOWN_CONSTANTS = (1.0, 2.0, 3.0)
 KNOWN_SD_CEQ_SR = (0.09, 0.036, 0.025)
@@ -90,16 +94,31 @@ def too_short(record: Record, motor: Motor) -> Iterator[Finding]:
     """Compare the length of the test with the slow time constant that the record itself shows.
 
     A warning below three quarters of a time constant, or where the constant stays unknown to a
-    factor of one and a half; a note below two. A record that settles shows a constant that is short
-    against it, so nothing is said.
+    factor of one and a half, and under two minutes, where it is said what such a test can tell; a
+    note below two. A record that settles shows a constant that is short against it, so nothing is
+    said.
     """
+    time_s, losses = samples(with_all_heat(record, motor), "losses_W")
+    if not is_loaded(losses).any():
+        return
+    from_s, to_s = float(time_s[max(lead_in(time_s, losses) - 1, 0)]), float(time_s[-1])
+    if to_s - from_s < SHORTEST_S:
+        yield Finding(
+            "too_short",
+            "warning",
+            f"Expected a test of many minutes; it goes on for {to_s - from_s:.0f} s from the first "
+            "load on. That tells the heat capacity of the winding, Ceq_w, and little of its "
+            "resistance to the body behind it, Req_w; Ceq_sr and Req_sr keep their priors.",
+            place(record, "winding_degC", from_s, to_s),
+            "Hold one load until the temperature settles, and record the cool-down.",
+            values={"duration_s": to_s - from_s},
+        )
+        return
     if settling_constants(record, motor) >= ENOUGH_CONSTANTS:
         return
     fit = quick_fit(record, motor)
     if fit is None:
         return
-    time_s, losses = samples(with_all_heat(record, motor), "losses_W")
-    from_s, to_s = float(time_s[max(lead_in(time_s, losses) - 1, 0)]), float(time_s[-1])
     constants = (to_s - from_s) / fit.tau_s
     low, high = fit.tau_s * np.exp([-2.0 * fit.log_sd, 2.0 * fit.log_sd])
     fast_s = fit.taus_s[0]

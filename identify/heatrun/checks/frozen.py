@@ -2,7 +2,8 @@
 
 A reading rounded to 1 degC stands still for minutes on any plateau, so the length of a constant
 stretch says nothing by itself. What the record says elsewhere does: a two-node network is
-fitted outside of the stretch and tells how far the temperature must have moved inside.
+fitted outside of the stretch and tells how far the temperature must have moved inside. Of an
+amplifier that is stuck the noise goes on: there the means of a few samples stand still.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from ..record.record import Finding, Record
 from ..record.samples import (
     channel_of,
     is_loaded,
+    median_step,
     place,
     rounding_step,
     runs,
@@ -29,7 +31,7 @@ from ..record.stretch import windows, within
 from .advice import Part, Remedy, mask_line, use_line, widened
 from .load_spike import of_the_load
 from .quick_fit import QuickFit, course_of, fit_of, quick_fit
-from .time_axis import MAX_GAP_S, MAX_GAP_SHARE
+from .time_axis import GAP_STEPS, MAX_GAP_S, MAX_GAP_SHARE
 from .unexplained import Movement, unexplained_movement
 
 LIVE_STEP_K = 0.05
@@ -49,6 +51,14 @@ MIN_STRETCH_S = 120.0
 
 MAX_TRIED = 3
 """Each stretch costs a fit; the longest ones are tried."""
+
+OF_NOISE, MOST_MEANS, LEAST_MEANS, BAND = 10, 400, 6, 2.5
+"""Samples of a mean at least, means of a record at most, and of a stretch that stands still under
+noise at least; they then differ by so many standard deviations of a sample at most [1]: of 400
+means of ten, noise alone makes 2."""
+
+OF_BENDS = 1.954
+"""Mean size of the second difference of white noise over its standard deviation [1]."""
 
 MAX_TOPS = 200
 """More stretches at the highest reading than this are a rounded plateau that flickers."""
@@ -78,6 +88,7 @@ class Stretch:
         doubt_K: How far that may be wrong [K].
         lowest_degC: Where the heat balance takes it at its lowest [degC]; infinite without one.
         is_live: The last digit flickers elsewhere, so that standing still is telling by itself.
+        noise_K: Noise that goes on while the reading stands still; 0 where it does not [K].
     """
 
     from_s: float
@@ -87,6 +98,7 @@ class Stretch:
     doubt_K: float
     lowest_degC: float
     is_live: bool
+    noise_K: float = 0.0
 
 
 class Looked(NamedTuple):
@@ -113,7 +125,8 @@ def frozen_stretches(record: Record, motor: Motor) -> Iterator[Stretch]:
     if time_s.size < LIVE_SAMPLES:
         return
     step = rounding_step(winding)
-    first, past = runs(np.diff(winding) == 0.0)
+    goes_on = np.diff(time_s) <= GAP_STEPS * median_step(time_s)
+    first, past = runs((np.diff(winding) == 0.0) & goes_on)
     elsewhere = winding.size - 1 - np.max(past - first, initial=0)
     flickers = np.count_nonzero(np.diff(winding)) >= FLICKERS * elsewhere
     is_live = flickers and (step is None or step < LIVE_STEP_K)
@@ -125,26 +138,74 @@ def frozen_stretches(record: Record, motor: Motor) -> Iterator[Stretch]:
     if long.sum() > MAX_TRIED:
         long &= length_s >= np.sort(length_s)[-MAX_TRIED]
     loaded = is_loaded(losses)
-    for a, b in zip(first[long], past[long], strict=True):
-        if is_live and not loaded[a : b + 1].any():
+    whole = quick_fit(record, motor)
+    exact = [(a, b, 0.0) for a, b in zip(first[long], past[long], strict=True)]
+    for a, b, under_K in sorted([*exact, *_under_noise(time_s, winding)]):
+        is_told = is_live and not under_K
+        if is_told and not loaded[a : b + 1].any():
             continue
         from_s, to_s = float(time_s[a]), float(time_s[b])
+        hidden_K = MOVED_STEPS * max(step or 0.0, under_K)
+        if under_K and whole is not None and _moves_K(whole, from_s, to_s) <= hidden_K:
+            continue
         lowest, expected, doubt, has_moved = np.inf, 0.0, 0.0, False
         fit = quick_fit(record, motor, left_out_s=[(from_s, to_s)])
         if fit is not None and (inside := within(fit.time_s, [(from_s, to_s)])).any():
             course, doubt = fit.fitted_degC[inside], _doubt(fit, inside)
             lowest, expected = float(np.min(course)), float(np.ptp(course))
-            has_moved = expected > MOVED_STEPS * (step or 0.0) + doubt
-            has_moved = has_moved and not _is_as_well(record, motor, fit)
-        if is_live or has_moved:
-            yield Stretch(from_s, to_s, float(winding[a]), expected, doubt, lowest, is_live)
+            has_moved = expected > hidden_K + doubt and not _is_as_well(whole, fit)
+            if under_K and has_moved and np.max(winding[a : b + 1]) == np.max(winding):
+                has_moved = not hidden_above_top(record, motor)  # `saturation` tells it
+        if is_told or has_moved:
+            reading = float(np.median(winding[a : b + 1]))
+            yield Stretch(from_s, to_s, reading, expected, doubt, lowest, is_told, under_K)
 
 
-def _is_as_well(record: Record, motor: Motor, fit: QuickFit) -> bool:
+def _moves_K(fit: QuickFit, from_s: float, to_s: float) -> float:
+    inside = within(fit.time_s, [(from_s, to_s)])
+    return float(np.ptp(fit.fitted_degC[inside])) if inside.any() else 0.0
+
+
+def _under_noise(time_s: np.ndarray, winding: np.ndarray) -> list[tuple[int, int, float]]:
+    """Return first and last samples of the longest stretches in which a reading stands still but
+    for noise, and that noise [K]; none of them overlap.
+    """
+    width = max(OF_NOISE, winding.size // MOST_MEANS)
+    num = winding.size // width
+    if num < LEAST_MEANS:
+        return []
+    gap_s = GAP_STEPS * median_step(time_s)
+    parts = winding[: num * width].reshape(num, width)
+    means, bent = np.mean(parts, axis=1), np.mean(np.abs(np.diff(parts, 2)), axis=1) / OF_BENDS
+    noise = np.array([np.median(bent[i : i + LEAST_MEANS]) for i in range(num)])
+    reach = np.zeros(num, dtype=int)
+    for i in np.flatnonzero(noise > 0.0):
+        spread = np.maximum.accumulate(means[i:]) - np.minimum.accumulate(means[i:])
+        reach[i] = np.count_nonzero(spread <= BAND * noise[i])
+    found: list[tuple[int, int, float]] = []
+    for _ in range(MAX_TRIED):
+        i = int(np.argmax(reach))
+        j = i + int(reach[i])
+        a, b = i * width, j * width - 1
+        if j - i < LEAST_MEANS:
+            break
+        reach[i:j] = 0
+        reach[:i] = np.minimum(reach[:i], i - np.arange(i))
+        # up to where the reading goes away for good
+        is_off = np.abs(winding - np.median(winding[a : b + 1])) > 2.0 * BAND * noise[i]
+        before, behind = np.flatnonzero(is_off[:a]), np.flatnonzero(is_off[b + 1 :])
+        a = max(int(before[-1]) + 1 if before.size else 0, a - width)
+        b = min(b + int(behind[0]) if behind.size else winding.size - 1, b + width)
+        longest_s = np.max(np.diff(time_s[a : b + 1]))
+        if time_s[b] - time_s[a] >= MIN_STRETCH_S and longest_s <= gap_s:
+            found.append((a, b, float(noise[i])))
+    return found
+
+
+def _is_as_well(whole: QuickFit | None, fit: QuickFit) -> bool:
     """Whether a network fitted to all describes it as well as one that was fitted to less: then
     nothing stands still or is cut off, a steady load is steady.
     """
-    whole = quick_fit(record, motor)
     return whole is not None and whole.rms_K < AS_WELL * fit.rms_K
 
 
@@ -178,7 +239,7 @@ def hidden_above_top(record: Record, motor: Motor) -> float:
     hidden = float(np.max(fit.fitted_degC[inside])) - top
     if hidden <= MOVED_STEPS * step + _doubt(fit, inside):
         return 0.0
-    return 0.0 if _is_as_well(record, motor, fit) else hidden
+    return 0.0 if _is_as_well(quick_fit(record, motor), fit) else hidden
 
 
 FLAT_RUN = 5
@@ -240,7 +301,8 @@ def sensor_stuck(record: Record, _: Motor, looked: Looked) -> Iterator[Finding]:
         yield Finding(
             "sensor_stuck",
             "error" if is_harmful else "warning",
-            f"The reading is frozen at {stretch.reading_degC:.2f} °C for {lasts_s:.0f} s, but "
+            f"The reading is frozen at {stretch.reading_degC:.2f} °C for {lasts_s:.0f} s"
+            f"{f', {stretch.noise_K:.2g} K of noise aside' if stretch.noise_K else ''}, but "
             f"{expected}: these samples would bias the fit.",
             place(record, "winding_degC", stretch.from_s, stretch.to_s),
             Remedy("Check the sensor. To leave these readings out: ", line, "."),

@@ -28,6 +28,7 @@ from ..record.record import Finding, Record
 from ..record.samples import SLOW_LOGGER_S, median_step, place, samples
 from ..record.stretch import move_load
 from .advice import section_of
+from .contact import lost_contact
 from .quick_fit import MAX_RESIDUAL_SHARE, quick_fit
 from .unexplained import unexplained_movement
 
@@ -108,6 +109,9 @@ def load_late(record: Record, motor: Motor) -> Iterator[Finding]:
         rest = quick_fit(record, motor, left_out_s=spans, most_blocks=BLOCKS)
         if rest is not None and rest.rms_K < tried[best]:
             return  # a sensor that came off explains as much
+    lost = lost_contact(record, motor)
+    if lost is not None and lost.misfit_put_right_K < tried[best]:
+        return  # and so does one that comes off slowly
     yield Finding(
         "load_late",
         "error",

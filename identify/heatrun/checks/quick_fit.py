@@ -425,7 +425,7 @@ class _Look(NamedTuple):
     freedom: float
 
 
-def _places(pairs: np.ndarray) -> np.ndarray:
+def places_of(pairs: np.ndarray) -> np.ndarray:
     """Rows of `Course.lagged` that pairs mix, shape (pair, 9)."""
     drives = 2 * GRID * np.arange(4)
     fast, slow = pairs[:, :, None]
@@ -436,7 +436,7 @@ def _look(course: Course, axes: np.ndarray) -> _Look:
     fast_s, slow_s = axes
     pairs = np.argwhere(slow_s[None] >= APART * fast_s[:, None]).T
     pairs_s = np.stack([fast_s[pairs[0]], slow_s[pairs[1]]])
-    lagged, places = course.lagged(axes.ravel()), _places(pairs)
+    lagged, places = course.lagged(axes.ravel()), places_of(pairs)
     counted, mixed = lagged[:, course.is_counted], course.mixed(pairs_s)
     products = (counted @ counted.T)[places[:, :, None], places[:, None]]
     products = mixed @ products @ mixed.transpose(0, 2, 1)
@@ -464,7 +464,7 @@ def _told(look: _Look) -> QuickFit | None:
     solution = look.found.solution[likely]
     mixed, lagged = (
         course.mixed(look.pairs_s[:, likely]),
-        look.lagged[_places(look.pairs[:, likely])],
+        look.lagged[places_of(look.pairs[:, likely])],
     )
     signs = np.concatenate([-solution, np.ones((weight.size, 1))], axis=1)
     errors = np.einsum("ki,kij,kjn->kn", signs, mixed, lagged, optimize=True)

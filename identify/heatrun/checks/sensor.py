@@ -21,6 +21,7 @@ from ..record.samples import (
 )
 from ..record.stretch import windows, within
 from .advice import Part, Remedy, exchange_line, mask_line, use_line
+from .contact import lost_contact
 from .frozen import Looked
 from .unexplained import WINDOWS_S, Movement
 
@@ -376,6 +377,32 @@ def _fallen(record: Record, motor: Motor, moved: Movement | None) -> Finding | N
         (float(time_s[begin]), float(time_s[past_it - 1]), float(time_s[until])),
         bool(above.size),
         {"below_housing_K": -least},
+    )
+
+
+def loses_contact(record: Record, motor: Motor) -> Iterator[Finding]:
+    """Warn of a winding's reading that over many minutes comes to show less of its rise.
+
+    A cooling that was changed on the bench does the same to a record.
+    """
+    lost = lost_contact(record, motor)
+    if lost is None:
+        return
+    begin_s = float(samples(record)[0][0])
+    yield Finding(
+        "sensor_detached",
+        "warning",
+        f"Within {(lost.to_s - lost.from_s) / 60.0:.0f} min the reading comes to show "
+        f"{100.0 * lost.share:.0f} % less of its rise than the heat makes: of the readings a "
+        f"simple network leaves {lost.misfit_K:.2g} K, with that given back "
+        f"{lost.misfit_put_right_K:.2g} K. The sensor lost contact, or the cooling changed.",
+        place(record, "winding_degC", lost.from_s, lost.to_s),
+        Remedy(
+            "Check the sensor's contact, and fan, flow and doors. To use the test up to there: ",
+            use_line(record, (begin_s, lost.from_s)),
+            ".",
+        ),
+        values={"from_s": lost.from_s, "to_s": lost.to_s, "share": lost.share},
     )
 
 

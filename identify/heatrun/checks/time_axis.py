@@ -40,6 +40,18 @@ CREEPS_S = 100.0
 looks so."""
 
 
+HOUR_S, AT_NIGHT_S = 3600.0, (3600.0, 4.0 * 3600.0)
+"""What daylight saving sets a clock by, and the time of day about which it does [s]."""
+
+
+def by_daylight_saving(record: Record, at_s: float, step_s: float, usual_s: float) -> bool:
+    """Return whether a step of a clock, behind a time of the record, is an hour at night [s]."""
+    if record.clock_s is None:
+        return False
+    is_hour = abs(abs(step_s - usual_s) - HOUR_S) <= GAP_STEPS * usual_s
+    return is_hour and AT_NIGHT_S[0] <= (record.clock_s + at_s) % 86400.0 <= AT_NIGHT_S[1]
+
+
 def _clock(record: Record) -> np.ndarray:
     time_s = np.asarray(record.time_s, dtype=float)
     return time_s[is_measured(time_s)]
@@ -62,12 +74,16 @@ def time_backwards(record: Record, motor: Motor) -> Iterator[Finding]:
     row, rows = int(measured[first]) + 1, len(record.time_s)
     is_again = any(is_told_by_clock(one, record, row) for one in record.findings)
     again = " The header stands there again: the logger was started again." if is_again else ""
+    is_saved = by_daylight_saving(record, time_s[first], steps[first], float(np.median(steps)))
+    again += " It falls by an hour, as where daylight saving ends." if is_saved else ""
     ends = [0, *(int(measured[each]) + 1 for each in back), rows]
     above = max(record.first_row - 1, 0)  # rows of the file that do not count
     parts = tuple((above + a + 1, above + b) for a, b in itertools.pairwise(ends))
     line = MotorFileLine(section_of(record), "use_rows", parts, bool(record.part_of))
     is_by_time = record.stretch and "row" not in record.stretch
     doubt = "Check whether the clock was set, or the file holds two tests. If so, read"
+    if is_saved:
+        doubt = "Export the times in UTC. Else read"
     yield Finding(
         "time_backwards",
         "error",
@@ -112,7 +128,11 @@ def is_sorted_otherwise(record: Record) -> bool:
     steps = np.diff(np.sort(time_s))
     usual = float(np.median(steps)) if num_falls else 0.0
     is_even = usual > 0.0 and bool((np.abs(steps - usual) < MAX_JITTER * usual).all())
-    return num_falls > MOST_PARTS or is_even
+    falls = np.flatnonzero(np.diff(time_s) < 0.0)
+    is_set = num_falls == 1 and by_daylight_saving(
+        record, float(time_s[falls[0]]), float(np.diff(time_s)[falls[0]]), usual
+    )
+    return num_falls > MOST_PARTS or (is_even and not is_set)
 
 
 def _sorted_otherwise(record: Record, num_steps: int) -> Finding:
@@ -195,15 +215,18 @@ def time_gap(record: Record, motor: Motor) -> Iterator[Finding]:
     is_error = steps[longest] > MAX_GAP_S or share > MAX_GAP_SHARE
     ends = [float(time_s[k]) for k in (0, longest, longest + 1, -1)]
     parts = (ends[0], ends[1]), (ends[2], ends[3])
+    is_saved = by_daylight_saving(record, ends[1], float(steps[longest]), usual)
+    saved = " It is an hour, as where daylight saving begins." if is_saved else ""
+    split = "If it is, export the times in UTC. Else split" if is_saved else "Split"
     yield Finding(
         "time_gap",
         "error" if is_error else "warning",
         f"Expected a sample every {usual:.3g} s; in {gaps.size} gaps {missing_s:.1f} s are "
         f"missing ({100.0 * share:.1f} % of the test), the longest "
         f"gap is {steps[longest]:.1f} s. "
-        "The load in a gap is not known, and is interpolated.",
+        f"The load in a gap is not known, and is interpolated.{saved}",
         place(record, "time_s", float(time_s[longest]), float(time_s[longest + 1])),
-        Remedy("Split the test at the gap: ", use_line(record, *parts), ".")
+        Remedy(f"{split} the test at the gap: ", use_line(record, *parts), ".")
         if is_error
         else "Check the logger and its storage.",
         values={

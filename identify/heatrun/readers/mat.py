@@ -17,10 +17,11 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..io.open_file import LARGEST_NUMBERS
+from ..io.open_file import LARGEST_BYTES, LARGEST_NUMBERS
 from ..record.record import Finding
 from ..record.table import Table, on_all_times
 from .foreign import BrokenFileError, reading
+from .historian import LONGEST_MARK, Variable, is_time, without_bad
 from .labels import names_time
 from .mat5 import DEEPEST, Text, Value, read_variables
 from .stored import Stored, as_stated, wanted
@@ -48,11 +49,13 @@ class Leaf:
         name: How MATLAB calls it, such as `log.signals(2).values`.
         heading: What it is called in words, such as its label; mostly its own field.
         value: Its numbers, or what it is instead.
+        texts: The elements of a cell of texts.
     """
 
     name: str
     heading: str
     value: Stored | str
+    texts: tuple[str, ...] = ()
 
 
 def leaves(variables: Mapping[str, Nested], joint: str = ".") -> list[Leaf]:
@@ -75,7 +78,11 @@ def _leaves(name: str, heading: str, value: Nested, joint: str) -> list[Leaf]:
             called = f"{heading} {number}" if len(value) > 1 else heading
             found += _leaves(f"{name}({number})", called, one, joint)
         kind = "cell"
-    return found if any(isinstance(one.value, Stored) for one in found) else [Leaf(name, "", kind)]
+    if any(isinstance(one.value, Stored) for one in found):
+        return found
+    is_texts = not isinstance(value, Mapping) and all(isinstance(one, Text) for one in value)
+    texts = tuple(str(one) for one in value) if is_texts else ()
+    return [Leaf(name, heading, "texts" if texts else kind, texts)]
 
 
 def _of_struct(name: str, heading: str, fields: Mapping[str, Nested], joint: str) -> Iterator[Leaf]:
@@ -256,17 +263,44 @@ def _value(file: Any, item: Any, room: _Room, depth: int = 0) -> Nested:
         rows = item[()]
         columns = {name: rows[name] for name in item.dtype.names}
         return {
-            name: Stored(values.astype(float)) if values.dtype.kind in "fiub" else "text"
+            name: Stored(values.astype(float))
+            if values.dtype.kind in "fiub"
+            else _texts(values)
+            if h5py.check_string_dtype(values.dtype)
+            else "text"
             for name, values in columns.items()
         }
     if kind in ("cell", "struct"):
         return kind
+    if h5py.check_string_dtype(item.dtype):
+        return _texts(item)
     if item.dtype.kind not in "fiub":
         return "complex or other"
     raw = item[()]
     stated = {key: item.attrs[key] for key in wanted(list(item.attrs))}
     # MATLAB stores its columns one behind the other
     return as_stated(raw.T if "MATLAB_class" in item.attrs else raw, stated)
+
+
+def _texts(item: Any) -> Nested:
+    """Return the texts of an HDF5 data set or of one of its fields, or what it is instead.
+
+    They are read part by part: references of a few bytes may stand for one long text each.
+    """
+    if item.ndim == 0:
+        return Text(_text(item[()]).strip("\0 "))
+    file = getattr(item, "file", None)
+    longest = max(item.dtype.itemsize, file.id.get_filesize() if file else 1)
+    step = max(1, LARGEST_BYTES // longest)
+    texts: list[Nested] = []
+    num_letters = 0
+    for start in range(0, item.shape[0] if item.ndim == 1 else 0, step):
+        part = [_text(one).rstrip("\0 ") for one in item[start : start + step].tolist()]
+        num_letters += sum(map(len, part))
+        texts += map(Text, part)
+        if num_letters > LONGEST_MARK * len(texts):
+            return "text"
+    return texts or "text"
 
 
 def _fields(file: Any, group: Any, room: _Room, depth: int) -> Nested:
@@ -296,7 +330,7 @@ def table_of(
     Raises:
         InputError: If there is no numeric vector.
     """
-    found = leaves(variables, joint)
+    found, marks, bad = _without_bad(leaves(variables, joint), where)
     arrays = [one.value.values for one in found if isinstance(one.value, Stored)]
     lengths = Counter(max(one.shape) for one in arrays if one.size > 1)
     if not lengths:
@@ -311,7 +345,9 @@ def table_of(
         )
     groups = _own_times(found, joint)
     if len({_size(times) for times, _ in groups}) > 1:
-        return _joined(groups, found, reader, where, is_grouped=joint == "/")
+        rest = [leaf for leaf in found if leaf.name not in marks or not leaf.texts]
+        table = _joined(groups, rest, reader, where, is_grouped=joint == "/")
+        return replace(table, findings=(*bad, *table.findings))
     # The length that most variables have; settings are short, so that a long one weighs more.
     length = max(lengths, key=lambda size: (lengths[size] * math.log(size), size))
     columns, constants, left_out = [], {}, []
@@ -331,10 +367,36 @@ def table_of(
                 constants[leaf.name] = number
             else:  # a constant has no unit of its own
                 columns.append(value.column(leaf.name, np.full(length, number)))
-        else:
+        elif leaf.name not in marks:
             left_out.append(leaf)
     findings = _left_out(left_out, length, where, is_grouped=joint == "/")
-    return Table(tuple(columns), {}, constants, (), findings, reader)
+    return Table(tuple(columns), {}, constants, (), (*bad, *findings), reader)
+
+
+def _without_bad(
+    found: Sequence[Leaf], where: str
+) -> tuple[list[Leaf], frozenset[str], list[Finding]]:
+    """Return variables without the readings marked as not good, and the names of the marks."""
+    variables = []
+    for leaf in found:
+        value = leaf.value
+        if isinstance(value, Stored):
+            numbers = value.values.squeeze()
+            is_course = is_vector(numbers)
+            column = value.column(leaf.heading, numbers.ravel())
+            is_clock = is_course and is_time(column, is_first=False)
+            cells = numbers if is_course else None
+            variables.append(Variable(leaf.name, cells, numbers, is_clock))
+        else:
+            variables.append(Variable(leaf.name, np.array(leaf.texts) if leaf.texts else None))
+    kept, marks, findings = without_bad(variables, where, is_ordered=False)
+    masked = [
+        replace(leaf, value=replace(leaf.value, values=kept[i]))
+        if i in kept and isinstance(leaf.value, Stored)
+        else leaf
+        for i, leaf in enumerate(found)
+    ]
+    return masked, frozenset(found[i].name for i in marks), findings
 
 
 Group = tuple[Leaf, list[Leaf]]

@@ -131,7 +131,7 @@ def _variable(content: memoryview, order: str, depth: int = 0) -> tuple[str, Val
     if array_class in (STRUCT, CELL):
         return name, _nested(parts, order, array_class, depth)
     if array_class == TEXT:
-        return name, _text(parts, order)
+        return name, _texts(_text(parts, order), shape)
     if array_class not in NUMERIC_CLASSES:
         return name, CLASSES.get(array_class, "object")
     if int(flags[0]) & COMPLEX_FLAG:
@@ -187,6 +187,14 @@ def _text(parts: Iterator[tuple[int, memoryview]], order: str) -> Text:
     codec = LETTERS.get(kind) or {1: "latin-1", 2: "latin-1"}.get(kind, "utf-16")
     codec += {"<": "-le", ">": "-be"}[order] if codec in ("utf-16", "utf-32") else ""
     return Text(bytes(content).decode(codec, "replace"))
+
+
+def _texts(letters: Text, shape: np.ndarray) -> Value:
+    """Return the rows of an array of letters, each without the blanks that fill it."""
+    num_rows = int(shape[0]) if shape.size == 2 else 1
+    if num_rows < 2 or len(letters) % num_rows:
+        return letters
+    return [Text(letters[row::num_rows].rstrip()) for row in range(num_rows)]
 
 
 def _integers(parts: Iterator[tuple[int, memoryview]], order: str, what: str) -> np.ndarray:

@@ -11,10 +11,11 @@ import io
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ..errors import InputError
 from ..io.open_file import LARGEST_NUMBERS
@@ -22,6 +23,8 @@ from ..record.header import split_name
 from ..record.table import Column, Question, Stated, Table
 from ..record.units import find_unit, is_unit, quantities_of
 from .foreign import library, reading
+from .historian import LONGEST_MARK, Variable, by_tag, is_time, without_bad
+from .text.values import counted_times
 
 UNIT_KEYS = ("units", "unit", "unit_string", "ni_unitdescription", "unit_description")
 MISSING_KEYS = ("_fillvalue", "missing_value")
@@ -112,6 +115,11 @@ class Stored:
         """
         heading = "" if heading == name else heading
         label, by_name = split_name(heading or name)
+        times = counted_times(pd.Series(values), values) if self.is_plain else None
+        if times is not None:
+            return Column(
+                name, label, "s", times.numbers, times.note, (), heading, start=times.start
+            )
         beside = () if self.unit is None else (Stated(self.unit, source),)
         return Column(
             name, label, self.unit or by_name, values, self.note, beside, heading,
@@ -300,23 +308,34 @@ def read_parquet(data: bytes, where: str) -> Table:
     Raises:
         InputError: If pyarrow is not installed, the file is damaged or holds no numbers.
     """
-    pyarrow = library("pyarrow.parquet", "Parquet", where)
+    library("pyarrow.parquet", "Parquet", where)
     with reading("a Parquet table", where):
-        table, texts = _numbers_of(pyarrow.ParquetFile(io.BytesIO(data)))
-        columns = []
+        table, texts = _read_fields(data)
+        columns, variables, cells = [], [], {}
         by_column = _units_of_frame(table.schema)
         for field, chunks in zip(table.schema, table.columns, strict=True):
             name = "time" if _is_unnamed_time(field) else field.name
             values, note = _values(chunks, field.type)
             if values is None:
                 texts[name] = f"{field.type}"
+                cells[name] = chunks.to_pandas().rename(name)
+                variables.append(Variable(name, cells[name]))
                 continue
             if note:
                 start = note.rpartition("seconds from ")[2]
-                columns.append(Column(name, split_name(name)[0], "s", values, note, start=start))
-                continue
-            stored = as_stated(values, _attributes(field, by_column.get(field.name)))
-            columns.append(stored.column(name, stored.values, "the field's metadata"))
+                column = Column(name, split_name(name)[0], "s", values, note, start=start)
+            else:
+                stored = as_stated(values, _attributes(field, by_column.get(field.name)))
+                column = stored.column(name, stored.values, "the field's metadata")
+            is_clock = is_time(column, is_first=not columns)
+            variables.append(Variable(name, values, column.values, is_clock))
+            columns.append(column)
+        kept, _, findings = without_bad(variables, where)
+        places = [place for place, one in enumerate(variables) if one.values is not None]
+        columns = [
+            replace(column, values=kept.get(place, column.values))
+            for place, column in zip(places, columns, strict=True)
+        ]
         columns += _range_index(table.schema, table.num_rows)
     if not columns or table.num_rows == 0:
         raise InputError(
@@ -324,7 +343,8 @@ def read_parquet(data: bytes, where: str) -> Table:
             where=where,
             remedy="Check that the export contains the samples.",
         )
-    return Table(tuple(columns), texts, {}, (), (), "Parquet")
+    table = Table(tuple(columns), texts, {}, (), tuple(findings), "Parquet")
+    return by_tag(table, cells, where)
 
 
 def _attributes(field: Any, unit: str | None) -> dict[str, str]:
@@ -348,22 +368,39 @@ def _units_of_frame(schema: Any) -> dict[str, str]:
     return units
 
 
-def _numbers_of(file) -> tuple[Any, dict[str, str]]:
-    """Return the columns that may hold numbers as a table, and the types of the others by name.
+def _read_fields(data: bytes) -> tuple[Any, dict[str, str]]:
+    """Return the columns of numbers and of short texts as a table, the types of the others by name.
 
-    Texts are not unpacked: a few kilobytes of them can stand for any length.
+    Each text is unpacked once: a few kilobytes of them can stand for any length.
     """
-    kinds = file.schema_arrow
-    wanted = [field.name for field in kinds if _is_number(field.type)]
-    texts = {field.name: f"{field.type}" for field in kinds if not _is_number(field.type)}
-    about = file.metadata
+    import pyarrow.parquet
+
+    file = pyarrow.parquet.ParquetFile(io.BytesIO(data))
+    kinds, about = file.schema_arrow, file.metadata
+    short = [field.name for field in kinds if _is_short_text(field, about)]
+    wanted = [field.name for field in kinds if _is_number(field.type) or field.name in short]
+    texts = {field.name: f"{field.type}" for field in kinds if field.name not in wanted}
     groups = [about.row_group(index).num_rows for index in range(about.num_row_groups)]
     if min(groups, default=0) < 0 or sum(groups) != about.num_rows:  # pyarrow makes room for them
         raise ValueError(f"{sum(groups)} rows in its groups, {about.num_rows} in all")
     size = about.num_rows * len(wanted)
     if size > LARGEST_NUMBERS:
         raise ValueError(f"{size} numbers, more than the {LARGEST_NUMBERS} that are read")
+    file = pyarrow.parquet.ParquetFile(io.BytesIO(data), read_dictionary=short)
     return file.read(columns=wanted), texts
+
+
+def _is_short_text(field, about) -> bool:
+    """Return whether a field holds texts, in which marks and tags may stand."""
+    from pyarrow import types
+
+    kind = field.type.value_type if types.is_dictionary(field.type) else field.type
+    if not (types.is_string(kind) or types.is_large_string(kind)):
+        return False
+    groups = [about.row_group(index) for index in range(about.num_row_groups)]
+    chunks = [group.column(i) for group in groups for i in range(group.num_columns)]
+    own = [one.total_uncompressed_size for one in chunks if one.path_in_schema == field.name]
+    return bool(own) and sum(own) <= LONGEST_MARK * about.num_rows
 
 
 def _is_number(kind) -> bool:

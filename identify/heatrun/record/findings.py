@@ -136,7 +136,7 @@ FINDINGS: dict[str, Kind] = {
     "nan_block": Kind("A channel has no readings for a while."),
     "sensors_differ": Kind("One of several sensors or phases differs from the others."),
     "sensor_stuck": Kind("A reading does not move while the load does."),
-    "sensor_detached": Kind("A sensor came off: it falls faster than the machine can cool."),
+    "sensor_detached": Kind("A sensor came off, at once or slowly: no machine cools like that."),
     "temperature_jump": Kind("A reading jumps faster than any heat could move it."),
     "resolution": Kind("The resolution of the readings, and what it costs."),
     "truncation": Kind("Readings may be truncated, not rounded."),

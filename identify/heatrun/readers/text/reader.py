@@ -22,7 +22,7 @@ from ...record.record import Finding
 from ...record.table import PREAMBLE, Column, Question, Stated, Table, kind_of_frames, no_signals
 from ...record.units import find_unit, is_unit
 from ..clock import TimeFormat, parse_time_format, stated_format
-from .historian import by_clock, by_tag, without_bad
+from ..historian import Variable, by_clock, by_tag, is_time, without_bad
 from .layout import DELIMITERS, Layout, find_layout
 from .lines import (
     CODECS,
@@ -253,7 +253,7 @@ def read_text(
         findings += [finding for finding in found if finding is not None]
     _refuse_second_header(unreadable, body.numbers, where)
     columns = _with_milliseconds(columns)
-    columns, bad = without_bad(columns, places, frame, layout.names, body.numbers, where)
+    columns, bad = _without_bad(columns, places, frame, layout.names, body.numbers, where)
     findings += bad
     settled = next((columns[index] for index in asked if _is_hot(columns[index])), None)
     if settled is not None:
@@ -280,6 +280,28 @@ def read_text(
     )
     cells = {name: frame.iloc[:, index].rename(name) for index, name in enumerate(layout.names)}
     return by_clock(by_tag(table, cells, where))
+
+
+def _without_bad(
+    columns: Sequence[Column],
+    places: Sequence[int],
+    frame: pd.DataFrame,
+    names: Sequence[str],
+    lines: np.ndarray,
+    where: str,
+) -> tuple[list[Column], list[Finding]]:
+    """Return the columns, of these places in the file, without the readings marked as not good."""
+    of_place = dict(zip(places, columns, strict=True))
+    variables = []
+    for place, name in enumerate(names):
+        column = of_place.get(place)
+        values = None if column is None else column.values
+        is_clock = column is not None and is_time(column, is_first=place == places[0])
+        variables.append(Variable(name, frame.iloc[:, place], values, is_clock))
+    kept, _, findings = without_bad(variables, where, lines=lines)
+    return [
+        replace(column, values=kept.get(place, column.values)) for place, column in of_place.items()
+    ], findings
 
 
 def _label_and_unit(

@@ -213,12 +213,19 @@ STAMPS = 19900101000000, 21000101000000
 STAMP = r"(\d{4})(\d{2})(\d{2})([01]\d|2[0-3])([0-5]\d)([0-5]\d)"
 
 
-TICK_S = 1e-7
+UNIX = datetime.datetime(1970, 1, 1)
 TICKS = {
-    "1, as .NET counts": (datetime.datetime(1, 1, 1), 6.2e17, 6.5e17),
-    "1601, as Windows counts": (datetime.datetime(1601, 1, 1), 1.2e17, 1.4e17),
-}
-"""Counts of 100 ns that are times between about 1965 or 1981 and 2060 or 2044."""
+    "100 ns since the year 1, as .NET counts": (datetime.datetime(1, 1, 1), 6.2e17, 6.5e17, 10**7),
+    "100 ns since the year 1601, as Windows counts": (
+        datetime.datetime(1601, 1, 1), 1.2e17, 1.4e17, 10**7
+    ),
+    "ms since the year 1970": (UNIX, 1e12, 2.5e12, 10**3),
+    "µs since the year 1970": (UNIX, 1e15, 2.5e15, 10**6),
+    "ns since the year 1970": (UNIX, 1e18, 2.5e18, 10**9),
+}  # fmt: skip
+"""Counts that are times between about 1965 and 2060, those since 1970 between 2001 and 2049: no
+other number of a bench is as large. Of each the first count, the last, and how many are a second.
+"""
 
 
 def read_values(
@@ -244,7 +251,7 @@ def read_values(
         return Values(cells.to_numpy(dtype=float), note="true and false read as 1 and 0")
     if pd.api.types.is_numeric_dtype(cells.dtype):
         numbers = cells.to_numpy(dtype=float, na_value=np.nan)
-        return _read_ticks(cells, numbers) or _read_stamps(numbers, name) or _finite(numbers)
+        return counted_times(cells, numbers) or _read_stamps(numbers, name) or _finite(numbers)
     texts = cells.astype(object).where(cells.notna(), "").astype(str).str.strip().map(bare)
     lower = texts.str.lower()
     missing = lower.isin(list(MISSING)).to_numpy()
@@ -388,19 +395,24 @@ def _without_year(column: Values) -> Values:
     return replace(column, note=column.note.replace(f".{NO_YEAR} ", ". "))
 
 
-def _read_ticks(cells: pd.Series, numbers: np.ndarray) -> Values | None:
-    """Return times in counts of 100 ns, None if not all numbers are such; no unit says them."""
+def counted_times(cells: pd.Series, numbers: np.ndarray) -> Values | None:
+    """Return times in counts since a year, None if not all numbers are such; no unit says them.
+
+    Args:
+        cells: As the file holds them, whole numbers where it can.
+        numbers: The same as float64, NaN where there is none, shape (time,).
+    """
     known = np.isfinite(numbers)
-    for since, (epoch, low, high) in TICKS.items():
+    for said, (epoch, low, high, per_second) in TICKS.items():
         if not known.any() or not np.all((numbers[known] >= low) & (numbers[known] < high)):
             continue
         first = int(cells[known].iloc[0])
         # the difference first: 64 bits of a float hold such a number to 13 µs
-        seconds = (cells - first).to_numpy(dtype=float, na_value=np.nan) * TICK_S
-        start = epoch + datetime.timedelta(microseconds=first // 10)
+        seconds = (cells - first).to_numpy(dtype=float, na_value=np.nan) / per_second
+        start = epoch + datetime.timedelta(microseconds=first * 10**6 // per_second)
         return Values(
-            np.round(seconds, 7),
-            f"read as 100 ns since the year {since}, seconds from {start:%Y-%m-%d %H:%M:%S}",
+            np.round(seconds, 9 if per_second == 10**9 else 7),
+            f"read as {said}, seconds from {start:%Y-%m-%d %H:%M:%S}",
             start=start.isoformat(timespec="microseconds"),
             is_time=True,
             unreadable=np.isinf(numbers),
