@@ -90,33 +90,36 @@ def single_step(record: Record, motor: Motor) -> tuple[Finding, ...]:
     )
 
 
+def _brief(record: Record, from_s: float, to_s: float) -> Finding:
+    return Finding(
+        "too_short",
+        "warning",
+        f"Expected a test of many minutes; it goes on for {to_s - from_s:.0f} s from the first "
+        "load on. That tells the heat capacity of the winding, Ceq_w, and little of its "
+        "resistance to the body behind it, Req_w; Ceq_sr and Req_sr keep their priors.",
+        place(record, "winding_degC", from_s, to_s),
+        "Hold one load until the temperature settles, and record the cool-down.",
+        values={"duration_s": to_s - from_s},
+    )
+
+
 def too_short(record: Record, motor: Motor) -> Iterator[Finding]:
     """Compare the length of the test with the slow time constant that the record itself shows.
 
     A warning below three quarters of a time constant, or where the constant stays unknown to a
-    factor of one and a half, and under two minutes, where it is said what such a test can tell; a
-    note below two. A record that settles shows a constant that is short against it, so nothing is
-    said.
+    factor of one and a half; a note below two. A record that settles shows a constant that is short
+    against it, so nothing is said. Under two minutes no constant is that of the machine: it is said
+    what such a test can tell.
     """
     time_s, losses = samples(with_all_heat(record, motor), "losses_W")
     if not is_loaded(losses).any():
         return
     from_s, to_s = float(time_s[max(lead_in(time_s, losses) - 1, 0)]), float(time_s[-1])
-    if to_s - from_s < SHORTEST_S:
-        yield Finding(
-            "too_short",
-            "warning",
-            f"Expected a test of many minutes; it goes on for {to_s - from_s:.0f} s from the first "
-            "load on. That tells the heat capacity of the winding, Ceq_w, and little of its "
-            "resistance to the body behind it, Req_w; Ceq_sr and Req_sr keep their priors.",
-            place(record, "winding_degC", from_s, to_s),
-            "Hold one load until the temperature settles, and record the cool-down.",
-            values={"duration_s": to_s - from_s},
-        )
-        return
-    if settling_constants(record, motor) >= ENOUGH_CONSTANTS:
-        return
-    fit = quick_fit(record, motor)
+    is_settled = settling_constants(record, motor) >= ENOUGH_CONSTANTS
+    fit = None if is_settled else quick_fit(record, motor)
+    is_brief = to_s - from_s < SHORTEST_S
+    if fit is None and is_brief:
+        yield _brief(record, from_s, to_s)
     if fit is None:
         return
     constants = (to_s - from_s) / fit.tau_s
@@ -126,6 +129,9 @@ def too_short(record: Record, motor: Motor) -> Iterator[Finding]:
     is_one = fit.tau_s < APART * fast_s and fit.log_sd > 0.5 * UNKNOWN_LOG_SD
     is_open = fit.log_sd > UNKNOWN_LOG_SD and high > to_s - from_s
     is_open |= is_one and constants < max(KNOWN_CONSTANTS)
+    if is_brief and not is_open:  # what seems known is the fast one
+        yield _brief(record, from_s, to_s)
+        return
     # a slow one as short as the test would show, if it were none of the fast ones
     is_one |= constants >= FEW_CONSTANTS and low < APART * fast_s
     is_short = constants < FEW_CONSTANTS or fit.log_sd > UNKNOWN_LOG_SD or is_open
