@@ -21,13 +21,13 @@ from jaxtyping import Float
 from ..record.motor import Motor
 from ..record.record import Record
 from .quick_fit import (
-    APART,
     GRID,
     NOISE_K,
     START_SD_K,
     Course,
     course_of,
     fit_of,
+    pairs_on,
     places_of,
     solved,
 )
@@ -143,8 +143,7 @@ def _misfits_K(
     if near_s is not None:
         first_s, last_s = (np.array(near_s) * NEAR**sign for sign in (-1.0, 1.0))
     axes = np.geomspace(first_s, last_s, GRID, axis=1)
-    pairs = np.argwhere(axes[1][None] >= APART * axes[0][:, None]).T
-    pairs_s = np.stack([axes[0][pairs[0]], axes[1][pairs[1]]])
+    pairs, pairs_s = pairs_on(axes)
     mixed, lagged = course.mixed(pairs_s), course.lagged(axes.ravel())[places_of(pairs)]
     rows, start = mixed[:, :5] @ lagged, mixed[:, 5:, :8] @ lagged[:, :8]
     sought = windings_degC - course.sink_degC[0] + start

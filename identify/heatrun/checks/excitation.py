@@ -118,9 +118,9 @@ def too_short(record: Record, motor: Motor) -> Iterator[Finding]:
     is_settled = settling_constants(record, motor) >= ENOUGH_CONSTANTS
     fit = None if is_settled else quick_fit(record, motor)
     is_brief = to_s - from_s < SHORTEST_S
-    if fit is None and is_brief:
-        yield _brief(record, from_s, to_s)
     if fit is None:
+        if is_brief:
+            yield _brief(record, from_s, to_s)
         return
     constants = (to_s - from_s) / fit.tau_s
     low, high = fit.tau_s * np.exp([-2.0 * fit.log_sd, 2.0 * fit.log_sd])

@@ -138,9 +138,10 @@ def frozen_stretches(record: Record, motor: Motor) -> Iterator[Stretch]:
     if long.sum() > MAX_TRIED:
         long &= length_s >= np.sort(length_s)[-MAX_TRIED]
     loaded = is_loaded(losses)
-    whole = quick_fit(record, motor)
     exact = [(a, b, 0.0) for a, b in zip(first[long], past[long], strict=True)]
-    for a, b, under_K in sorted([*exact, *_under_noise(time_s, winding)]):
+    stretches = sorted([*exact, *_under_noise(time_s, winding)])
+    whole = quick_fit(record, motor) if stretches else None
+    for a, b, under_K in stretches:
         is_told = is_live and not under_K
         if is_told and not loaded[a : b + 1].any():
             continue

@@ -432,10 +432,17 @@ def places_of(pairs: np.ndarray) -> np.ndarray:
     return np.concatenate([drives + fast, drives + GRID + slow, 0 * fast + 8 * GRID], axis=1)
 
 
-def _look(course: Course, axes: np.ndarray) -> _Look:
+def pairs_on(axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the places of fast and slow lags on their axes that are far enough apart, and the time
+    constants there [s], shape (2, pair) each.
+    """
     fast_s, slow_s = axes
     pairs = np.argwhere(slow_s[None] >= APART * fast_s[:, None]).T
-    pairs_s = np.stack([fast_s[pairs[0]], slow_s[pairs[1]]])
+    return pairs, np.stack([fast_s[pairs[0]], slow_s[pairs[1]]])
+
+
+def _look(course: Course, axes: np.ndarray) -> _Look:
+    pairs, pairs_s = pairs_on(axes)
     lagged, places = course.lagged(axes.ravel()), places_of(pairs)
     counted, mixed = lagged[:, course.is_counted], course.mixed(pairs_s)
     products = (counted @ counted.T)[places[:, :, None], places[:, None]]

@@ -333,6 +333,7 @@ def finished(
     *,
     is_converged: bool,
     stats: Mapping[str, float],
+    known: tuple[Sequence[Float[np.ndarray, " reading"]], Spread] | None = None,
 ) -> Fit:
     """Return a fit with its spread and what is to be said of it.
 
@@ -345,30 +346,12 @@ def finished(
         modes: As `Fit.modes`.
         is_converged: Whether noise and parameters have settled.
         stats: As `Fit.stats`.
+        known: Whitened residuals of each sensor of each test, and the spread; found here if None.
     """
-    white = whiten_fit(problem, noise_z, residual, jacobian).residuals
-    width = spread(problem, z, noise_z, residual, jacobian)
-    return described(problem, z, noise_z, residual, jacobian, modes, white, width,
-                     is_converged=is_converged, stats=stats)  # fmt: skip
-
-
-def described(
-    problem: Problem,
-    z: Float[np.ndarray, " parameter"],
-    noise_z: Float[np.ndarray, " noise"],
-    residual: Float[np.ndarray, " block"],
-    jacobian: Float[np.ndarray, "block parameter"],
-    modes: Float[np.ndarray, "mode parameter"],
-    white: Sequence[Float[np.ndarray, " reading"]],
-    width: Spread,
-    *,
-    is_converged: bool,
-    stats: Mapping[str, float],
-) -> Fit:
-    """Return a fit of which all is known, with what is to be said of it; as `finished`.
-
-    Its whitened residuals are those of each sensor of each test.
-    """
+    white, width = known or (
+        whiten_fit(problem, noise_z, residual, jacobian).residuals,
+        spread(problem, z, noise_z, residual, jacobian),
+    )
     excess, is_flagged = low_frequency_excess(white, _lengths(problem))
     rmse = problem.rmse_K(residual)
     findings = misfit_findings(problem, noise_z, rmse, excess, is_flagged)

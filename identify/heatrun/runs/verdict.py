@@ -135,10 +135,9 @@ def deciding(result: FitResult) -> list[Finding]:
     """Return the findings that restrict the use of the favoured network, the gravest first; of
     parameters, the one that stands farthest from its prior.
     """
-    found = [f for f in result.findings if f.severity != "note" and concerns(f, result)]
     ranks = {id: rank for rank, id in enumerate(DECIDING)}
     return sorted(
-        (f for f in found if f.id in ranks),
+        (f for f in _warned(result) if f.id in ranks),
         key=lambda f: (ranks[f.id], -abs(f.values.get("prior_sd") or 0.0)),
     )
 
@@ -269,8 +268,7 @@ def _not_followed(result: FitResult, model: FittedModel) -> str:
 
 def _incomplete(result: FitResult) -> set[str]:
     """Return the ids of the findings that the network is not complete, or perhaps another."""
-    warnings = (f for f in result.findings if f.severity != "note" and concerns(f, result))
-    return {f.id for f in warnings if f.id in INCOMPLETE}
+    return {f.id for f in _warned(result) if f.id in INCOMPLETE}
 
 
 def _unjudged(result: FitResult) -> bool:
@@ -308,8 +306,13 @@ def _doubts(result: FitResult, model: FittedModel) -> list[str]:
     return words
 
 
+def _warned(result: FitResult) -> list[Finding]:
+    """Return the warnings and errors that are about the stated network."""
+    return [f for f in result.findings if f.severity != "note" and concerns(f, result)]
+
+
 def _warnings(result: FitResult) -> list[str]:
-    warnings = [f for f in result.findings if f.severity != "note" and concerns(f, result)]
+    warnings = _warned(result)
     number = "1 warning" if len(warnings) == 1 else f"{len(warnings)} warnings"
     return [f"{number} of the checks: see Findings."] if warnings else []
 

@@ -26,8 +26,8 @@ from heatrun.fit.fit import (
     ROUGH_K,
     SAME_OPTIMUM,
     SETTLED,
-    described,
     distinct,
+    finished,
     implied_level,
     start_scores,
 )
@@ -428,8 +428,8 @@ def _finished(
         for rows, test in zip(problem.split(innovations), problem.tests, strict=True)
     ]
     is_same = optima.cost - optima.cost[0] < SAME_OPTIMUM * max(1.0, 1e-3 * optima.cost[0])
-    return described(
-        problem, z, noise_z, residual, jacobian, z[None], white, width, is_converged=True,
+    return finished(
+        problem, z, noise_z, residual, jacobian, z[None], is_converged=True, known=(white, width),
         stats={
             "num_starts": NUM_STARTS,
             "num_at_best": int(np.sum(optima.num_starts[is_same])),
