@@ -20,8 +20,15 @@ from ..fit.fit_result import Fit
 from ..model.kernels import Kernels
 from ..model.problem import NUM_NOISE
 from .proposal import Proposal
-from .rto import Drawn, Rto
-from .weighted import LEAST_EFFECTIVE, AbstractDrawn, Weighted, evaluate, truncated
+from .rto import Drawn, Rto, log_mean
+from .weighted import (
+    LEAST_EFFECTIVE,
+    AbstractDrawn,
+    AbstractProposal,
+    Weighted,
+    evaluate,
+    truncated,
+)
 
 NUM_ADAPTATIONS = 5
 """Most rounds in which the proposal is moved to the importance samples of the round before; one
@@ -82,7 +89,7 @@ def _followed(fit: Fit, rng: np.random.Generator) -> Weighted | None:
     return sample_rto(fit, Proposal.around(fit, rng).kernels, rng)
 
 
-def _weigh(fit: Fit, proposal: Proposal, drawn: AbstractDrawn) -> Weighted:
+def _weigh(fit: Fit, proposal: AbstractProposal, drawn: AbstractDrawn) -> Weighted:
     return Weighted.of(drawn.vectors, evaluate(fit, drawn.vectors), drawn.log_density, proposal)
 
 
@@ -187,32 +194,60 @@ class Several:
 
 
 @dataclass(frozen=True)
+class _Place:
+    """What the proposals around one optimum say of a round's draws.
+
+    Attributes:
+        given: Log density of the parameters given the noise, which they share [nat].
+        restricted: That of the noise alone under the linear model [nat].
+        noise: That of the noise under the law of each of their rounds [nat], as far as they were
+            asked for: each law is asked once.
+    """
+
+    given: Float[np.ndarray, " draw"]
+    restricted: Float[np.ndarray, " draw"]
+    noise: list[Float[np.ndarray, " draw"]] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
 class _Round:
     """Draws from one proposal.
 
     Attributes:
         proposal: The proposal.
-        drawn: The draws.
-        weighted: The same with their weights.
-        elsewhere: What `Rto.log_given` says of the draws around other optima, by the place of
-            those [nat]; filled in where it is asked for.
+        weighted: The draws with their weights.
+        own: What the proposals around the same optimum say of them.
+        elsewhere: Likewise those around other optima, by the place of these; filled in where it is
+            asked for.
     """
 
     proposal: Rto
-    drawn: Drawn
     weighted: Weighted
-    elsewhere: dict[int, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    own: _Place
+    elsewhere: dict[int, _Place] = field(default_factory=dict)
 
     @classmethod
     def of(cls, proposal: Rto, rng: np.random.Generator) -> _Round:
         """Draw."""
         drawn = proposal.draw(NUM_DRAWS, rng)
-        log_posterior = evaluate(proposal.fit, drawn.vectors)
-        return cls(
-            proposal,
-            drawn,
-            Weighted.of(drawn.vectors, log_posterior, drawn.log_density, proposal),
-        )
+        weighted = _weigh(proposal.fit, proposal, drawn)
+        noise = proposal.log_noise(drawn.vectors[:, -NUM_NOISE:], drawn.restricted)
+        return cls(proposal, weighted, _Place(drawn.log_density - noise, drawn.restricted))
+
+    def log_density(self, part: Rto, place: int | None = None) -> Float[np.ndarray, " draw"]:
+        """Return the log density of the draws by all rounds around an optimum [nat].
+
+        Args:
+            part: The proposal of these rounds; since it was asked last, rounds may have been added.
+            place: Of the optimum, if it is another one than that of the draws.
+        """
+        vectors = self.weighted.vectors
+        if place is not None and place not in self.elsewhere:
+            self.elsewhere[place] = _Place(*part.log_given(vectors))
+        there = self.own if place is None else self.elsewhere[place]
+        for law in part.noises[len(there.noise) :]:
+            there.noise.append(law.log_density(vectors[:, -NUM_NOISE:], there.restricted))
+        return there.given + log_mean(there.noise)
 
 
 def _learned(
@@ -227,7 +262,7 @@ def _learned(
         sizes = [each.weighted.effective_size for each in rounds]
         if not np.any(weights) or sizes[-1] < max(sizes):
             break
-        vectors = rounds[-1].drawn.vectors
+        vectors = rounds[-1].weighted.vectors
         noise_z = Kernels.over(vectors[:, -NUM_NOISE:], weights, rng)
         mean = weights @ vectors[:, :-NUM_NOISE]
         rounds.append(_Round.of(Rto.around(fit, mean, noise_z, rng), rng))
@@ -243,15 +278,12 @@ def _pooled(around: Sequence[Sequence[_Round]]) -> Weighted:
     proposal = parts[0] if len(parts) == 1 else Several(parts, counts / np.sum(counts))
     rounds = [(place, each) for place, part in enumerate(around) for each in part]
     densities = []
-    for place, each in rounds:
-        own = _density(parts[place], each)
-        if isinstance(proposal, Several):
-            own = proposal.mean([
-                own if other == place else _density_elsewhere(parts[other], other, each)
-                for other in range(len(parts))
-            ])  # fmt: skip
-        densities.append(own)
-    vectors = np.concatenate([each.drawn.vectors for _, each in rounds])
+    for own, each in rounds:
+        by_place = [each.log_density(part, None if place == own else place)
+                    for place, part in enumerate(parts)]  # fmt: skip
+        is_one = isinstance(proposal, Rto)
+        densities.append(by_place[0] if is_one else proposal.mean(by_place))
+    vectors = np.concatenate([each.weighted.vectors for _, each in rounds])
     log_posterior = np.concatenate([each.weighted.log_density for _, each in rounds])
     return Weighted.of(vectors, log_posterior, np.concatenate(densities), proposal)
 
@@ -260,21 +292,3 @@ def _joined(rounds: Sequence[_Round]) -> Rto:
     """Return the proposal of all rounds around one optimum."""
     noises = tuple(law for each in rounds for law in each.proposal.noises)
     return replace(rounds[0].proposal, noises=noises)
-
-
-def _density(joined: Rto, own: _Round) -> Float[np.ndarray, " draw"]:
-    """Return the log density of a round's draws by all rounds around its optimum [nat], which share
-    that given the noise.
-    """
-    drawn = own.drawn
-    noise = drawn.vectors[:, -NUM_NOISE:], drawn.restricted
-    return drawn.log_density - own.proposal.log_noise(*noise) + joined.log_noise(*noise)
-
-
-def _density_elsewhere(other: Rto, place: int, drawn: _Round) -> Float[np.ndarray, " draw"]:
-    """Return that of draws by the rounds around another optimum [nat]."""
-    vectors = drawn.drawn.vectors
-    if place not in drawn.elsewhere:
-        drawn.elsewhere[place] = other.log_given(vectors)
-    given, restricted = drawn.elsewhere[place]
-    return given + other.log_noise(vectors[:, -NUM_NOISE:], restricted)

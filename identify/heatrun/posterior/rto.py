@@ -107,6 +107,18 @@ class Noises:
         """
         return _log_chance(log_ratio - self.level)
 
+    def log_density(
+        self, noise_z: Float[np.ndarray, "draw noise"], restricted: Float[np.ndarray, " draw"]
+    ) -> Float[np.ndarray, " draw"]:
+        """Return the log density of noises [nat].
+
+        Args:
+            noise_z: Their scores.
+            restricted: Their log density under the linear model [nat].
+        """
+        drawn = self.kernels.log_densities(noise_z)
+        return drawn + self.log_chance(restricted - drawn) - self.log_share
+
 
 def _log_chance(log_ratio: Float[np.ndarray, "*draw"]) -> Float[np.ndarray, "*draw"]:
     chance = np.clip(np.where(np.isnan(log_ratio), -np.inf, log_ratio), np.log(LEAST_KEPT), 0.0)
@@ -242,17 +254,8 @@ class Rto:
     def log_noise(
         self, noise_z: Float[np.ndarray, "draw noise"], restricted: Float[np.ndarray, " draw"]
     ) -> Float[np.ndarray, " draw"]:
-        """Return the log density of the noise [nat].
-
-        Args:
-            noise_z: Its scores.
-            restricted: Its log density under the linear model [nat].
-        """
-        parts = []
-        for law in self.noises:
-            drawn = law.kernels.log_densities(noise_z)
-            parts.append(drawn + law.log_chance(restricted - drawn) - law.log_share)
-        return np.asarray(logsumexp(parts, axis=0)) - np.log(len(parts))
+        """Return the log density of noises under all laws [nat], as `Noises.log_density`."""
+        return log_mean([law.log_density(noise_z, restricted) for law in self.noises])
 
     @property
     def latest(self) -> Rto:
@@ -431,6 +434,11 @@ def _many_products(
     noise_z: Float[Array, "draw noise"],
 ) -> tuple[Float[Array, "draw product product"], Float[Array, " draw"]]:
     return jax.vmap(lambda each: inner_products(tests, each, residual, jacobian))(noise_z)
+
+
+def log_mean(log_densities: Sequence[np.ndarray]) -> Float[np.ndarray, " draw"]:
+    """Return the log of the mean of densities [nat]."""
+    return np.asarray(logsumexp(log_densities, axis=0)) - np.log(len(log_densities))
 
 
 def _log_density(
