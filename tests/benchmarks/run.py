@@ -62,7 +62,8 @@ def measure(small: bool, only: str | None) -> tuple[list[Row], dict]:
             lambda: growth.with_tests(small),
             lambda: growth.with_nodes_and_effects(made),
         ],
-        "processes": [processes.help_of_each] + ([] if small else [processes.commands]),
+        "processes": [processes.help_of_each, processes.import_alone]
+        + ([] if small else [processes.commands]),
         "long": [] if small else [processes.large_record],
     }
     rows, runs = [], {}
