@@ -11,6 +11,7 @@ import pytest
 from heatrun.calibration import load_tests
 from heatrun.checks.load_moments import with_load_moments
 from heatrun.motor.file import parse_motor
+from heatrun.record.blocks import strongest
 from heatrun.record.record import Record
 from heatrun.record.reduction import reduce
 
@@ -138,3 +139,27 @@ def test_tests_that_are_fitted_know_it_and_tests_that_are_predicted_do_not(tmp_p
     assert np.max(total(fitted.blocks)) > 0.1
     assert held_out.blocks.load_variance is None
     assert held_out.blocks.load_columns is None
+
+
+def test_the_strongest_directions_are_those_of_the_singular_values():
+    rng = np.random.default_rng(3)
+    many = rng.standard_normal((40, 30)) * np.geomspace(1.0, 1e-3, 30)
+    few = strongest(many, 4)
+    turned, length, _ = np.linalg.svd(many, full_matrices=False)
+    best = (turned[:, :4] * length[:4] ** 2) @ turned[:, :4].T
+    np.testing.assert_allclose(few @ few.T, best, atol=1e-12)
+    assert strongest(many[:, :3], 4).shape == (40, 3)
+    assert strongest(many[:5], 8).shape == (5, 8)
+
+
+def test_no_record_ends_where_lapack_finds_no_singular_values(monkeypatch, tmp_path):
+    """By divide and conquer LAPACK gives up on some matrices that are as good as any."""
+
+    def gives_up(*_args, **_words):
+        raise np.linalg.LinAlgError("SVD did not converge")
+
+    monkeypatch.setattr(np.linalg, "svd", gives_up)
+    path = tmp_path / "coil.csv"
+    pd.DataFrame(dict(record(EDGES + 0.3).channels)).to_csv(path, index=False)
+    (test,) = load_tests(motor(), [path], [])
+    assert np.max(np.abs(test.blocks.load_columns)) > 0.1

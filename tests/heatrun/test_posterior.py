@@ -148,7 +148,13 @@ def test_bands_cover_a_held_out_test(posterior, stairs):
     assert np.all(prediction.nodes["stator"] < np.maximum(prediction.nodes["winding"], 30.0) + 20)
 
 
-def test_residuals_of_a_right_model_are_white_once_freed_of_their_noise(posterior, blocks, stairs):
+def test_residuals_of_a_right_model_are_white_once_freed_of_their_noise(
+    posterior, blocks, stairs, monkeypatch
+):
+    def gives_up(*_args, **_words):  # as LAPACK does by divide and conquer, on some matrices
+        raise np.linalg.LinAlgError("SVD did not converge")
+
+    monkeypatch.setattr(np.linalg, "svd", gives_up)
     for test in (blocks, stairs):
         found = predict(posterior, test)
         innovations = found.innovations()

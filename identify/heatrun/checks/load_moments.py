@@ -22,7 +22,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from ..record.blocks import Blocks
+from ..record.blocks import Blocks, strongest
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.samples import SLOW_LOGGER_S, median_step, place, samples
@@ -189,12 +189,11 @@ def _known(
     largest = np.argsort(-at, kind="stable")[:LARGEST]
     behind = per_block * np.arange(1, blocks.num_blocks + 1)[:, None] - 1 - largest
     shocks = np.where(behind >= 0, means[np.maximum(behind, 0)], 0.0) * np.sqrt(at[largest])
-    turned, length, _ = np.linalg.svd(shocks, full_matrices=False)
-    matter = np.count_nonzero(length >= NEGLIGIBLE_K)
+    columns = strongest(shocks, NUM_COLUMNS[-1])
+    matter = np.count_nonzero(np.linalg.norm(columns, axis=0) >= NEGLIGIBLE_K)
     if not matter:
         return replace(blocks, load_variance=variance)
-    kept = next((few for few in NUM_COLUMNS if few >= matter), NUM_COLUMNS[-1])
-    columns = np.zeros((blocks.num_blocks, kept))
-    columns[:, : length.size] = turned[:, :kept] * length[:kept]
+    kept = next(few for few in NUM_COLUMNS if few >= matter)
+    columns = np.pad(columns, ((0, 0), (0, NUM_COLUMNS[-1] - columns.shape[1])))[:, :kept]
     rest = np.maximum(variance - np.sum(columns**2, axis=1), 0.0)
     return replace(blocks, load_variance=rest, load_columns=columns)

@@ -32,7 +32,7 @@ from scipy.linalg import expm
 from lptn import Network
 
 from ..io.programs import compiled
-from ..record.blocks import Blocks
+from ..record.blocks import Blocks, strongest
 from . import noise as noise_module
 from .draws import NUM_NOISE, Draws
 from .kernels import in_batches
@@ -176,11 +176,8 @@ def heat_columns(
     read = [model.form.measured_node, *map(model.form.sensed, test.fitted)]
     responses = block_responses(network, read, hats @ factor, test.block_s)
     joined = size * np.concatenate(list(responses.values()), axis=1)
-    turned, strength, _ = np.linalg.svd(joined, full_matrices=False)
-    columns = np.zeros((joined.shape[0], NUM_COLUMNS))
-    kept = min(NUM_COLUMNS, strength.size)
-    columns[:, :kept] = turned[:, :kept] * strength[:kept]
-    return columns
+    columns = strongest(joined, NUM_COLUMNS)
+    return np.pad(columns, ((0, 0), (0, NUM_COLUMNS - columns.shape[1])))
 
 
 def num_knots(duration_s: float) -> int:

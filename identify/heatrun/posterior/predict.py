@@ -231,8 +231,10 @@ class Prediction:
         if not self.is_held_out:
             return error
         # the covariance is now 1 + spread spread'; its inverse root frees the errors of it
-        axes, size, _ = np.linalg.svd(spread, full_matrices=False)
-        return error - axes @ ((1.0 - 1.0 / np.sqrt(1.0 + size**2)) * (axes.T @ error))
+        squares, axes = np.linalg.eigh(spread.T @ spread)
+        turned, squares = spread @ axes, np.maximum(squares, np.finfo(float).tiny)
+        freed = -np.expm1(-0.5 * np.log1p(squares)) / squares  # of each direction, over its square
+        return error - turned @ (freed * (turned.T @ error))
 
     def log_score(self) -> float:
         """Return the mean log density of a block mean under its predicted normal [nat]."""

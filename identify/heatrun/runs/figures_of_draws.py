@@ -224,7 +224,10 @@ def budget_of(posterior: Posterior) -> Budget:
     effects = np.empty((len(plain.flat), 0)) if plausible is None else plausible.size
     behind = np.concatenate([plain.flat[:, :size], effects], axis=1)
     behind -= behind.mean(axis=0)
-    to_slopes = np.linalg.pinv(behind, rcond=np.finfo(float).eps * max(behind.shape))
+    products = np.linalg.pinv(
+        behind.T @ behind, rcond=np.finfo(float).eps * len(behind), hermitian=True
+    )
+    to_slopes = products @ behind.T
     sources: dict[str, list[int]] = {}
     for place, slot in enumerate(fit.slots):
         sources.setdefault(_source(slot), []).append(place)
