@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 from mdf_files import signal, written
 
 from heatrun import cli
-from heatrun.checks.suitability import suitability
+from heatrun.checks.suitability import as_holdout, suitability
 from heatrun.errors import InputError
 from heatrun.readers.channel_map import require
 from heatrun.readers.read import read_record
@@ -372,3 +373,15 @@ def test_measured_small_motor(run):
     power = read_record(controller, rate_Hz=10)
     assert "phase_current_A" not in power
     assert np.median(power["dc_power_W"]) > 0
+
+
+def test_a_test_that_is_predicted_need_not_suit_a_fit():
+    of_a_fit = [*warned("too_short", "single_step"), finding("too_short", "note"),
+                replace(finding("no_heating", "warning"), values={"rise_K": 0.1})]  # fmt: skip
+    steady = replace(finding("no_heating", "error"), values={"rise_K": 0.1})
+    other = [*warned("sensor_stuck"), finding("no_heating", "error")]
+    found = as_holdout((*of_a_fit, steady, *other))
+    assert [(each.id, each.severity) for each in found] == [
+        ("no_heating", "warning"), ("sensor_stuck", "warning"), ("no_heating", "error"),
+    ]  # fmt: skip
+    assert "how the model holds a level" in found[0].message
