@@ -15,6 +15,7 @@ from heatrun.posterior import ensemble as ensemble_run
 from heatrun.posterior import posterior as posterior_module
 from heatrun.posterior.convergence import FULL, Convergence, judge
 from heatrun.posterior.identifiability import forecast
+from heatrun.posterior.importance import importance_sample
 from heatrun.posterior.posterior import normal_draws, sample
 from heatrun.posterior.predict import predict
 from heatrun.posterior.proposal import Branches
@@ -317,3 +318,19 @@ def test_what_is_stated_has_the_mean_course_where_the_mean_has_not(fitted):
     stated = np.array([s.parameter.score(posterior.stated[s.name]) for s in fitted.slots])
     assert off_K(stated) < 0.1
     assert np.all(np.abs(stated - z.mean(axis=0)) < z.std(axis=0))
+
+
+def test_where_no_draw_is_possible_the_optimum_stands_for_them(fitted, monkeypatch):
+    """As where all lead to a network too stiff for the steps of the tests."""
+
+    def at_the_optimum_alone(fit, vectors):
+        return np.where(np.all(vectors == fit.vector, axis=1), 0.0, -np.inf)
+
+    monkeypatch.setattr("heatrun.posterior.importance.evaluate", at_the_optimum_alone)
+    monkeypatch.setattr("heatrun.posterior.importance.NUM_DRAWS", 64)
+    monkeypatch.setattr("heatrun.posterior.importance.NUM_ADAPTATIONS", 1)
+    found = importance_sample(fitted, seed=2)
+    assert not found.is_sound
+    np.testing.assert_array_equal(
+        found.resample(3, np.random.default_rng(0)), np.tile(fitted.vector, (3, 1))
+    )

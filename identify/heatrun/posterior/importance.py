@@ -64,6 +64,9 @@ def starting_sample(fit: Fit, *, seed: int = 0) -> Weighted:
 def linear_sample(fit: Fit, *, num_draws: int = 4096, seed: int = 0) -> Weighted:
     """Draw from the linear models around the optima and weigh by the posterior.
 
+    Where no draw is possible, as where all lead to a network too stiff for the steps, the optimum
+    stands for them: equal draws are never sound, and walkers can start from them.
+
     Args:
         fit: Optima and covariance.
         num_draws: Number of draws.
@@ -71,17 +74,19 @@ def linear_sample(fit: Fit, *, num_draws: int = 4096, seed: int = 0) -> Weighted
     """
     rng = np.random.default_rng(seed)
     proposal = Proposal.around(fit, rng)
-    drawn = proposal.draw(num_draws, rng)
-    best = _weigh(fit, proposal, drawn)
-    proposal = proposal.adapted(drawn, truncated(best.weights), rng)
-    for _ in range(NUM_ADAPTATIONS):
-        if best.is_sound:
-            break
+    best = None
+    for _ in range(1 + NUM_ADAPTATIONS):
         drawn = proposal.draw(num_draws, rng)
         weighted = _weigh(fit, proposal, drawn)
-        proposal = proposal.adapted(drawn, truncated(weighted.weights), rng)
-        if weighted.effective_size > best.effective_size:
+        if best is None or weighted.effective_size > best.effective_size:
             best = weighted
+        if best.is_sound or not np.any(weighted.weights):
+            break
+        proposal = proposal.adapted(drawn, truncated(weighted.weights), rng)
+    assert best is not None
+    if not np.any(best.weights):
+        at = np.tile(fit.vector, (num_draws, 1))
+        best = Weighted.of(at, evaluate(fit, at), np.zeros(num_draws), proposal)
     return best
 
 
@@ -258,10 +263,10 @@ def _learned(
     """
     rounds = [_Round.of(Rto.around(fit, optimum, kernels, rng), rng)]
     while len(rounds) < LEARNING and rounds[-1].weighted.effective_size < GOOD * NUM_DRAWS:
-        weights = truncated(rounds[-1].weighted.weights)
         sizes = [each.weighted.effective_size for each in rounds]
-        if not np.any(weights) or sizes[-1] < max(sizes):
+        if sizes[-1] < max(sizes) or sizes[-1] == 0.0:
             break
+        weights = truncated(rounds[-1].weighted.weights)
         vectors = rounds[-1].weighted.vectors
         noise_z = Kernels.over(vectors[:, -NUM_NOISE:], weights, rng)
         mean = weights @ vectors[:, :-NUM_NOISE]
