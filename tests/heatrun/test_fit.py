@@ -10,14 +10,16 @@ import pytest
 from heatrun.errors import InputError
 from heatrun.fit import fit as fit_module
 from heatrun.fit.fit import fit
+from heatrun.fit.fit_result import RESULT
 from heatrun.fit.restricted import whiten_fit
 from heatrun.io.texts import Texts
 from heatrun.model.model import Model
 from heatrun.model.model_parameters import parameters
-from heatrun.model.problem import Problem, log_posterior, residuals
+from heatrun.model.problem import Problem, log_posterior, predictions, residuals
 from heatrun.record.motor import Motor, ParameterOverride
 from heatrun.record.reduction import reduce
 from heatrun.reports.printed import told
+from lptn.effects import SensorContact
 
 
 def test_known_parameters_come_back_within_their_uncertainty(fitted, truth):
@@ -201,3 +203,29 @@ def test_the_mass_around_an_optimum_is_that_of_the_linear_model(fitted):
     aside = fitted.z + 0.2
     expected = mass(aside, "numpy") - mass(fitted.z, "numpy")
     assert mass(aside, "heatrun") - mass(fitted.z, "heatrun") == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_share_is_held_at_its_limit_and_the_rest_is_fitted_there(blocks, motor):
+    """A sensor that follows the stator, and beyond: more than all of a reading there is not."""
+    network = {"Ceq_w": 620.0, "Ceq_sr": 11_000.0, "Req_w": 0.0555, "Req_sr": 0.116}
+    known = {name: ParameterOverride(fixed=value) for name, value in network.items()}
+    motor = replace(motor, parameters=known)
+    model = Model.of("second", motor, [SensorContact])
+    problem = Problem.of(model, motor, [blocks])
+    place = problem.parameters.index("sensor_contact.k")
+    largest = problem.data.priors.largest[place]
+    beyond = np.zeros(problem.num_parameters)
+    beyond[place] = largest + 1.0
+    read = problem.own(jnp.concatenate(predictions(problem.structure, problem.data, beyond)))
+    noise = 0.05 * np.random.default_rng(5).standard_normal(read.size)
+    found = fit(Problem.of(model, motor, [replace(blocks, measured=read + noise)]))
+    assert found.z[place] == largest
+    assert found.result == RESULT.converged
+    problem = found.problem
+    slope = jax.grad(lambda vector: log_posterior(problem.structure, problem.data, vector))
+    gradient = np.asarray(slope(jnp.asarray(found.vector)))[: problem.num_parameters]
+    assert np.isfinite(log_posterior(problem.structure, problem.data, jnp.asarray(found.vector)))
+    assert gradient[place] > 1.0  # it would go on
+    others = np.delete(np.arange(gradient.size), place)
+    gain = gradient[others] @ found.covariance[np.ix_(others, others)] @ gradient[others]
+    assert 0.5 * gain < 1e-2

@@ -364,19 +364,18 @@ class Engine:
             if parameter.role not in BOUNDED:
                 continue
             quantity = self.quantity(parameter)
-            if parameter.role == "known":
-                if parameter.limit is not None:
-                    high[position] = parameter.largest_score
-            elif quantity.null is None:
+            null, is_searched = quantity.null, parameter.role == "effect"
+            if is_searched and null is None:
                 low[position], high[position] = -2.5, 2.5
-            else:
-                below = min(quantity.low, quantity.null)
+            elif is_searched and null is not None:
+                below = min(quantity.low, null)
                 low[position] = 1.5 * float(parameter.score(below)) if below else 0.0
-                high[position] = 1.5 * float(parameter.score(max(quantity.high, quantity.null)))
-                if quantity.null <= quantity.low:
+                high[position] = 1.5 * float(parameter.score(max(quantity.high, null)))
+                if null <= quantity.low:
                     low[position] = 0.0
-                if quantity.null >= quantity.high:
+                if null >= quantity.high:
                     high[position] = 0.0
+            high[position] = min(high[position], parameter.largest_score)
         return low, high
 
     def values(self, z: np.ndarray, test: int) -> tuple[dict[str, float], dict[int, float]]:

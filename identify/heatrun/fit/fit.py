@@ -8,7 +8,8 @@ both gives the parameters and their covariance.
 Readings that are exactly on time are a corner of the likelihood. What is read late lies on straight
 lines between the edges of the steps, so its slope by the delay jumps where the delay passes an
 edge. The most probable delay of some tests is that corner itself, where no slope is zero and no
-search ends: the delay is held there, and the search finished for all other parameters.
+search ends: the delay is held there, and the search finished for all other parameters. The limit of
+a share is such a corner too.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Float
@@ -430,12 +432,23 @@ def _search(
     """Return optima, half sums of squares and numbers of steps from each start.
 
     Each start for itself, on all cores: in one batch, all would wait for the slowest, and every
-    batch of another size would be compiled anew.
+    batch of another size would be compiled anew. A score that ends beyond its limit, such as a
+    share above one, is held there, and the others are searched again.
     """
+    largest = problem.data.priors.largest
+    has_limits = bool(np.any(np.isfinite(largest)))
 
     def one(start: np.ndarray) -> tuple[np.ndarray, ...]:
-        found = _solve(problem.structure, problem.data, start, noise, np.asarray(tolerance))
-        return tuple(np.asarray(part) for part in found)
+        held, total = (np.zeros(largest.size, dtype=bool) if has_limits else None), 0
+        while True:
+            z, cost, steps = map(
+                np.asarray,
+                _solve(problem.structure, problem.data, start, noise, np.asarray(tolerance), held),
+            )
+            total += steps
+            if held is None or not np.any(z > largest):
+                return z, cost, total
+            held, start = held | (z > largest), np.minimum(z, largest)
 
     found = at_once(one, starts)
     z, cost, steps = (np.stack(parts) for parts in zip(*found, strict=True))
@@ -449,10 +462,18 @@ def _solve(
     start: Float[Array, " all"],
     noise: Noise,
     tolerance: Float[Array, ""],
+    held: Bool[Array, " all"] | None,
 ):
-    """Return optimum, half its sum of squares, and number of steps."""
+    """Return optimum, half its sum of squares, and number of steps; held scores are at limits."""
+
+    def rows(z: Float[Array, " all"], args: tuple[Data, Noise]) -> Float[Array, " residual"]:
+        if held is None:
+            return whitened(structure, args[0], z, args[1])
+        at = jnp.where(held, args[0].priors.largest, z)
+        return jnp.concatenate([whitened(structure, args[0], at, args[1]), z - at])
+
     solution = optx.least_squares(
-        lambda z, args: whitened(structure, args[0], z, args[1]),
+        rows,
         optx.LevenbergMarquardt(rtol=tolerance, atol=tolerance),  # pyright: ignore[reportArgumentType]
         start,
         args=(data, noise),
@@ -460,7 +481,8 @@ def _solve(
         max_steps=MAX_STEPS,
         throw=False,
     )
-    return solution.value, solution.state.f_info.as_min(), solution.stats["num_steps"]
+    z = solution.value if held is None else jnp.where(held, data.priors.largest, solution.value)
+    return z, solution.state.f_info.as_min(), solution.stats["num_steps"]
 
 
 def _settle(problem: Problem, z: np.ndarray) -> tuple[Problem, _State]:
@@ -494,7 +516,7 @@ def _polished(problem: Problem, z: np.ndarray, noise_z: np.ndarray) -> np.ndarra
     """
     step = _newton(problem, z, noise_z)[0]
     if np.max(np.abs(step)) < FINISH:
-        return z - step
+        return np.minimum(z - step, problem.data.priors.largest)
     held = near_corner(problem.structure.form, z)
     return _at_corner(problem, z, noise_z, held) if np.any(held) else z
 
@@ -502,16 +524,20 @@ def _polished(problem: Problem, z: np.ndarray, noise_z: np.ndarray) -> np.ndarra
 def _newton(
     problem: Problem, z: np.ndarray, noise_z: np.ndarray, held: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return a step to where the slope is zero, and the slope; held scores stay."""
+    """Return a step to where the slope is zero, and the slope.
+
+    Held scores stay, and those at their limits that the slope leads beyond.
+    """
     residual, jacobian = problem.linearised(z)
     white = whiten_fit(problem, noise_z, residual, jacobian)
     columns = white.jacobian
     slope = columns.T @ white.stacked + z
-    curvature, free = columns.T @ columns + np.eye(z.size), slope.copy()
-    if held is not None:
-        curvature = np.where(held[:, None] | held, np.eye(z.size), curvature)
-        free[held] = 0.0
-    return np.linalg.solve(curvature, free), slope
+    stays = (z >= problem.data.priors.largest) & (slope < 0.0)
+    stays = stays if held is None else stays | held
+    curvature = columns.T @ columns + np.eye(z.size)
+    curvature = np.where(stays[:, None] | stays, np.eye(z.size), curvature)
+    slope_left = np.where(stays, 0.0, slope)
+    return np.linalg.solve(curvature, slope_left), slope
 
 
 def _at_corner(

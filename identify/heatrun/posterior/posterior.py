@@ -166,6 +166,7 @@ class Posterior:
         for _ in range(NUM_STEPS):
             slope = weight * jacobian.T @ (residual - middle) + nearness @ (at - mean)
             tried = at - np.linalg.solve(weight * jacobian.T @ jacobian + nearness, slope)
+            tried = np.minimum(tried, problem.data.priors.largest)
             there, turned = problem.linearised(tried)
             if not problem.rmse_K(there - middle) < problem.rmse_K(residual - middle):
                 break
