@@ -12,6 +12,7 @@ from heatrun.model.model import Model
 from heatrun.model.model_parameters import parameters
 from heatrun.model.problem import Problem
 from heatrun.posterior import fit_checks as changes
+from heatrun.posterior.driven import too_stiff
 from heatrun.posterior.posterior import weighted_draws
 from heatrun.posterior.predict import predict
 from heatrun.record.motor import ParameterOverride
@@ -23,6 +24,8 @@ COLUMNS = {
     "t": "time_s", "Is": "phase_current_A", "Pd": "losses_W", "Te": "ambient_degC",
     "Tw_m": "winding_degC",
 }  # fmt: skip
+NETWORK = {"Ceq_w": 700.0, "Ceq_sr": 15000.0, "Req_w": 0.15, "Req_sr": 0.1}
+
 MOUNTED = (1.0, 1.3, 0.8, 1.15)
 """Req_sr of each test over that of the machine; the last one is held out."""
 
@@ -111,7 +114,7 @@ def test_a_change_belongs_to_one_test_and_to_the_network_alone(blocks, motor):
         for test in ("duty", "other")
         for name in ("Ceq_w", "Ceq_sr", "Req_sr")
     ]
-    values = {"Ceq_w": 700.0, "Ceq_sr": 15000.0, "Req_w": 0.15, "Req_sr": 0.1}
+    values = NETWORK
     changed = model.network({**values, "Req_sr_change": np.log(1.5)})
     assert float(changed.resistance["stator", "ambient"]) == pytest.approx(0.15)
     assert float(changed.resistance["winding", "stator"]) == pytest.approx(0.15)
@@ -119,3 +122,11 @@ def test_a_change_belongs_to_one_test_and_to_the_network_alone(blocks, motor):
     assert model.in_general({**values, "Req_sr_change": 0.4}) == values
     again = read_model(model_text(ModelOfRun(model, known)), "model.toml")
     assert again == ModelOfRun(model, known)
+
+
+def test_a_change_may_make_a_node_too_fast_for_the_steps(motor):
+    model = replace(Model.of("second", motor), change_sd=0.2)
+    values = {name: np.full(2, value) for name, value in NETWORK.items()}
+    changes = {"Req_w_change": np.array([0.0, -8.0])}
+    assert too_stiff(model, values | changes, 5.0).tolist() == [False, True]
+    assert not np.any(too_stiff(model, values, 5.0))

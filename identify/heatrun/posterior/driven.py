@@ -29,7 +29,7 @@ from ..errors import InputError
 from ..io.programs import compiled
 from ..model.bodies import told_bodies
 from ..model.draws import simulated
-from ..model.model import Model
+from ..model.model import Model, change_name
 from ..model.model_parameters import COLD_START_K
 from ..model.noise import Loggers, Noise, scales_of, whiten
 from ..model.parameters import Parameter
@@ -55,10 +55,11 @@ def too_stiff(model: Model, values: Mapping[str, Any], step_s: float) -> Bool[np
 
     Args:
         model: The network.
-        values: Its parameters by name, shape (draw,); others are left aside.
+        values: Its parameters and their changes by name, shape (draw,); others are left aside.
         step_s: Length of the step [s].
     """
     names = [parameter.name for parameter in model.form.parameters]
+    names += [change for name in names if (change := change_name(name)) in values]
     longest = _longest_steps(model, {name: np.asarray(values[name], float) for name in names})
     return step_s > STABLE * np.asarray(longest)
 

@@ -24,7 +24,7 @@ from ..record.balance_errors import together
 from ..record.blocks import Blocks
 from ..record.observation import Observation
 from ..results.values import Role
-from .driven import refuse_unstable, start_draws
+from .driven import ABSURD, refuse_unstable, start_draws
 
 if TYPE_CHECKING:
     from .posterior import Posterior
@@ -180,8 +180,10 @@ class Prediction:
 
     @property
     def is_there(self) -> bool:
-        """Whether the test could be predicted at all; else all of it is NaN."""
-        return bool(np.any(np.isfinite(self.median)))
+        """Whether the test could be predicted at all; else all of it is NaN, or no number that a
+        machine could have.
+        """
+        return bool(np.all(np.abs(self.median) < ABSURD))
 
     @property
     def residual(self) -> np.ndarray:
