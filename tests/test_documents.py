@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import re
 import shlex
-import sys
 from pathlib import Path
 from pkgutil import resolve_name
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent / "studies"))
-
 from studies import STUDIES
 
 ROOT = Path(__file__).parents[1]

@@ -23,8 +23,6 @@ import time
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
-
 import as_the_commands  # noqa: F401
 import growth
 import likelihoods

@@ -8,9 +8,6 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from profile_calibrate import PHASES
 from rows import Row, duration, markdown
 

@@ -7,9 +7,6 @@ from pathlib import Path
 
 import pytest
 
-# the campaign stands beside its tests as plain scripts
-sys.path.insert(0, str(Path(__file__).parent))
-
 
 @pytest.fixture(scope="module")
 def outcomes(request, tmp_path_factory):

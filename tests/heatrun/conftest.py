@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from filelock import FileLock
+from run_files import CHANNELS, write_csv
 
 from heatrun import cli
 from heatrun.fit.fit import fit
@@ -21,10 +22,6 @@ from heatrun.model.problem import Problem
 from heatrun.record.motor import Motor
 from heatrun.record.record import Record
 from heatrun.record.reduction import reduce
-
-# what several files of tests write stands beside them as a plain script
-sys.path.insert(0, str(Path(__file__).parent))
-from run_files import CHANNELS, write_csv
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 

@@ -14,10 +14,6 @@ from collections import Counter
 from importlib.metadata import version
 from pathlib import Path
 
-from scipy.stats import beta
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from reading_corpus.case import Truth
 from reading_corpus.corpus import corpus
 from reading_corpus.oracle import (
@@ -32,6 +28,7 @@ from reading_corpus.oracle import (
     Outcome,
     judge,
 )
+from scipy.stats import beta
 
 COLUMNS = (RIGHT, REFUSED, ASKED, WARNED, SHOWN, NEEDLESS, MISREAD, TRACEBACK)
 EXPLAINED = """

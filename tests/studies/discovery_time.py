@@ -16,9 +16,6 @@ import time
 from pathlib import Path
 
 import pandas as pd
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from bench_package import hidden_bench
 
 SEED = 77

@@ -9,14 +9,12 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 import tempfile
 import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small; threads only wait
-sys.path.insert(0, str(Path(__file__).parent))
 
 import numpy as np
 from fleet import fleet_options, population_of, rows_of
@@ -31,7 +29,7 @@ from fleet_noise_cases import (
     write_noisy_fleet,
 )
 from gate_rows import at_least, at_most, covered, heads, percent_95, rms, times_better
-from study_runs import Row, run_study, write_rows
+from study_runs import Row, run_study
 
 import heatrun
 
@@ -169,14 +167,9 @@ def main() -> None:
          "heat": HEATS[number // 2 % 2]}
         for number in range(options.fleets)
     ]  # fmt: skip
-
-    def write(rows: list[Row]) -> None:
-        path = options.out / "noise_rows.json"
-        write_rows(path, rows, seed=options.seed, planned=options.fleets)
-        text = table(rows, json.loads(path.read_text(encoding="utf-8")))
-        (options.out / "noise.md").write_text(text, encoding="utf-8")
-
-    run_study(options, jobs, run, write, named="noise_rows.json", same="machines")
+    files = "noise_rows.json", "noise.md"
+    page = lambda rows: table(rows, json.loads((options.out / files[0]).read_bytes()))  # noqa: E731
+    run_study(options, jobs, run, page, files=files, same="machines")
 
 
 def table(rows: Sequence[Row], said: Row) -> str:

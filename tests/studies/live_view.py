@@ -18,8 +18,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parent))
-
 from view_speed import ROOT, resident_MB, viewed
 
 WRITER = ROOT / "tests" / "app" / "bench_writer.py"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +9,6 @@ import pandas as pd
 import pytest
 
 import heatrun
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 RECORD = Path(__file__).parents[3] / "shared/bench/paderborn_profile24_heatrun_2p5s.csv.gz"
 ROWS = {7: 90, 24: 100, 60: 90, 62: 80}

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 import pytest
+from first_hour import FILES, MOST_LINES, edited, entry_of, run
 
 from heatrun.cli import main
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-from first_hour import FILES, MOST_LINES, edited, entry_of, run
 
 
 @pytest.mark.parametrize("kind", list(FILES))

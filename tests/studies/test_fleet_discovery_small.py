@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -12,7 +9,6 @@ from heatrun import cli
 from heatrun_fleet.shared_effects.job import read_discovery
 
 pytest.importorskip("pyarrow")
-sys.path.insert(0, str(Path(__file__).parent))
 
 from fleet_discovery import cases, table
 from fleet_of_hidden_causes import (

@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from fleet import table
 from fleet_cases import (
     NAMES,
@@ -22,6 +17,7 @@ from fleet_cases import (
     draw_fleet,
     write_fleet,
 )
+from scipy.integrate import solve_ivp
 
 from heatrun_fleet.fleet_file import load_fleet
 
