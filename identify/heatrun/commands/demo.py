@@ -41,9 +41,6 @@ def run(options: argparse.Namespace) -> int:
 def bundled(name: str) -> Path:
     """Return the folder of a bundled data set.
 
-    Args:
-        name: Such as `"synthetic"`.
-
     Raises:
         InputError: If this installation has none.
     """

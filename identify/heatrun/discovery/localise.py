@@ -282,13 +282,7 @@ class Where:
 
 
 def localise(engine: Engine, present: Refit, model: Model) -> Where:
-    """Return where a model lacks heat or reads wrongly.
-
-    Args:
-        engine: Tests and parameters.
-        present: Fit of the model.
-        model: The network with its effects.
-    """
+    """Return where a model lacks heat or reads wrongly."""
     responses = []
     for index, test in enumerate(engine.tests):
         numbers, _ = engine.values(present.z, index)

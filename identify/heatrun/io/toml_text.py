@@ -37,12 +37,6 @@ def shown(value: Any) -> str:
 def text_of(section: Mapping[str, Any], key: str, where: str, longest: int = LONGEST_TEXT) -> str:
     """Return the text of a key without blanks around it.
 
-    Args:
-        section: What the section holds.
-        key: Which of it.
-        where: The section, for messages.
-        longest: Most letters that it may have.
-
     Raises:
         InputError: If it is no text, a blank one or too long.
     """
@@ -78,11 +72,6 @@ TOKEN = re.compile(
 
 def parse_toml(data: bytes, where: str, what: str = "motor file") -> dict[str, Any]:
     """Return the content of a TOML file.
-
-    Args:
-        data: The bytes of the file.
-        where: The file, for messages.
-        what: What the file is, for messages.
 
     Raises:
         InputError: If it is no UTF-8 text or no TOML, larger than `LARGEST_BYTES`, or nested

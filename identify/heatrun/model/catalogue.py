@@ -34,11 +34,6 @@ def effects_named(
 ) -> tuple[type[AbstractEffect], ...]:
     """Return effects by their ids, in order.
 
-    Args:
-        ids: Such as `"speed_cooling"`.
-        where: Where they are named, for messages.
-        files: As `all_effects`.
-
     Raises:
         InputError: If an id names no effect, or is there twice.
     """
@@ -191,10 +186,6 @@ def refuse_lacking(kinds: Sequence[type[AbstractEffect]], tests: Sequence[Blocks
 def refuse_unmeasured_current(tests: Sequence[Blocks], network: str) -> None:
     """Refuse tests without a current where it says how much of the losses heats the winding.
 
-    Args:
-        tests: The reduced records.
-        network: The network as the subject of a sentence.
-
     Raises:
         InputError: With the test.
     """
@@ -234,11 +225,6 @@ def refuse_unmeasured_sink(sink: str, tests: Sequence[Blocks], title: str) -> No
 def refuse_unmeasured_speed(kinds: Sequence[str], tests: Sequence[Blocks], title: str) -> None:
     """Refuse tests without a speed where losses of a network follow it.
 
-    Args:
-        kinds: The losses that do, such as `"mechanical"`.
-        tests: The reduced records.
-        title: The network in a sentence.
-
     Raises:
         InputError: With the test and the channel.
     """
@@ -256,11 +242,6 @@ def refuse_unmeasured_speed(kinds: Sequence[str], tests: Sequence[Blocks], title
 
 def refuse_unplaced(kinds: Sequence[type[AbstractEffect]], network: Network, title: str) -> None:
     """Refuse effects that a network has no place for.
-
-    Args:
-        kinds: The effects.
-        network: The network.
-        title: The network in a sentence.
 
     Raises:
         InputError: With the links of the network.

@@ -46,10 +46,6 @@ MOST_INSTRUMENTS = 30
 def parse_certificate(section: Mapping[str, Any], where: str) -> Certificate:
     """Return what `[certificate]` of a motor file says.
 
-    Args:
-        section: Its keys; empty where there is none.
-        where: The file, for messages.
-
     Raises:
         InputError: If a key is not known, or a value is of another type, too long, no day, or holds
             a character that cannot be printed.
@@ -85,12 +81,7 @@ def load_meta(path: str | Path) -> Certificate:
 
 
 def parse_meta(data: bytes, where: str) -> Certificate:
-    """Return what the file of `--meta` says; errors as `load_meta`.
-
-    Args:
-        data: The bytes of the file.
-        where: The file, for messages.
-    """
+    """Return what the file of `--meta` says; errors as `load_meta`."""
     content = parse_toml(data, where, "file of the certificate")
     section = content.get("certificate", content)
     if section is not content:

@@ -315,10 +315,6 @@ def next_of_population(section: Mapping[str, Any], where: str) -> NextMachine:
 def read_next_machine(folder: Path, where: str) -> NextMachine:
     """Return what a population says of its next machine before its first test.
 
-    Args:
-        folder: Of the population, or its file.
-        where: What asked for it, for messages.
-
     Raises:
         InputError: If there is no such file, or it is not one that heatrun wrote.
     """
@@ -450,12 +446,7 @@ def load_motor(path: str | Path) -> Motor:
 
 
 def parse_motor(data: bytes, where: str) -> Motor:
-    """Return the machine of a motor file; errors as `load_motor`.
-
-    Args:
-        data: The bytes of the file.
-        where: The file, for messages.
-    """
+    """Return the machine of a motor file; errors as `load_motor`."""
     content = parse_toml(data, where)
     check_keys(
         content,

@@ -243,12 +243,6 @@ def check_reduction(
 
     Two things are lost in it: what the load does within a step, and what it did between two
     samples. Each is measured by simulating the fit once more on other means of the same record.
-
-    Args:
-        found: A fit whose network is simulated.
-        record: Any test of the motor.
-        blocks: The test as it was reduced.
-        motor: The machine.
     """
     error = reduction_error(found, record, blocks, motor)
     findings = [_coarse(blocks, error)] if error > COARSE_K else []

@@ -514,9 +514,6 @@ CERTIFICATE = "certificate.toml"
 def certificate_of(run: Run) -> Certificate:
     """Return what `[certificate]` of the motor file and later `--meta` said of a run.
 
-    Args:
-        run: The run.
-
     Raises:
         InputError: If a file of the run is damaged or was changed.
     """
@@ -529,13 +526,7 @@ def certificate_of(run: Run) -> Certificate:
 def plot_courses(
     tests: Sequence[tuple[str, str]], courses: Sequence[pd.DataFrame], network: str
 ) -> Any:
-    """Return a matplotlib figure with one axis for each test.
-
-    Args:
-        tests: Name and role of each test.
-        courses: Their courses as a run holds them.
-        network: Whose prediction is drawn.
-    """
+    """Return a matplotlib figure with one axis for each test."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.0, 2.6 * len(tests)), layout="constrained")
