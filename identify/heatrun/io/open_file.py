@@ -157,9 +157,7 @@ def refuse_special(found: os.stat_result, where: str) -> None:
     if not stat.S_ISREG(mode):
         kind = "socket" if stat.S_ISSOCK(mode) else "device"
         raise InputError(
-            f"Expected a file, got a {kind}.",
-            where=where,
-            remedy="Name the file of the recording.",
+            f"Expected a file, got a {kind}.", where=where, remedy="Name the file of the recording."
         )
 
 
