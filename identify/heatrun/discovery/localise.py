@@ -124,11 +124,7 @@ def _linear_jit(model: Model, values: Values, inputs: Inputs):
 
 
 def _march(
-    A: np.ndarray,
-    step: float,
-    heated: dict[str, int],
-    capacity: dict[str, float],
-    hats: np.ndarray,
+    A: np.ndarray, step: float, heated: dict[str, int], capacity: dict[str, float], hats: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Return the temperatures (edge, node, knot) that a watt at each knot causes, by node."""
     size = A.shape[-1]

@@ -117,10 +117,7 @@ def imagined(
 
 
 def _other_losses(
-    tests: Sequence[Blocks],
-    losses: CopperLosses,
-    squared: np.ndarray,
-    speed: np.ndarray | None,
+    tests: Sequence[Blocks], losses: CopperLosses, squared: np.ndarray, speed: np.ndarray | None
 ) -> np.ndarray:
     """Return the other losses [W] of a load, as they were in the records."""
     rows, values = [], []

@@ -146,12 +146,7 @@ def _add(kinds: list[type[AbstractEffect]], kind: type[AbstractEffect], where: s
     kinds.append(kind)
 
 
-CHANNELS = {
-    "speed": "speed_rpm",
-    "speed_rad": "speed_rpm",
-    "coolant": "coolant_degC",
-    "fan": "fan",
-}
+CHANNELS = {"speed": "speed_rpm", "speed_rad": "speed_rpm", "coolant": "coolant_degC", "fan": "fan"}
 """Channel of the record behind each optional input."""
 
 
@@ -249,9 +244,7 @@ def refuse_unplaced(kinds: Sequence[type[AbstractEffect]], network: Network, tit
     reason = unplaced(kinds, network)
     if reason:
         raise InputError(
-            reason,
-            where=title,
-            remedy="Drop the effect, or choose another network with --model.",
+            reason, where=title, remedy="Drop the effect, or choose another network with --model."
         )
 
 

@@ -208,9 +208,7 @@ class Model:
         from lptn import Sensor
 
         return Sensor(
-            node=self.form.measured_node,
-            gain=values["sensor_gain"],
-            offset=values["sensor_offset"],
+            node=self.form.measured_node, gain=values["sensor_gain"], offset=values["sensor_offset"]
         )
 
     def body_sensors(self, values: Values, channels: Sequence[str]) -> tuple[Sensor, ...]:

@@ -89,10 +89,7 @@ def compare(
             until = good_until(one, limit)
             thresholds.append(
                 Threshold(
-                    test=name,
-                    limit_K=limit,
-                    until_s=until,
-                    second_until_s=good_until(two, limit),
+                    test=name, limit_K=limit, until_s=until, second_until_s=good_until(two, limit)
                 )
             )
             ends.append(f"within {limit:g} K {_until(until)}")

@@ -216,9 +216,7 @@ def draw_all(
 
 
 def gap(
-    predictions: Sequence[tuple[Prediction, Prediction]],
-    roles: Sequence[str],
-    say: Texts = ENGLISH,
+    predictions: Sequence[tuple[Prediction, Prediction]], roles: Sequence[str], say: Texts = ENGLISH
 ) -> Figure:
     """Return the errors over time before and after, with the bands of the final model."""
     num = len(predictions)

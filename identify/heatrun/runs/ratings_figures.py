@@ -78,10 +78,7 @@ class Rates(NamedTuple):
 
 @compiled("model", is_seldom=True)
 def rates(
-    model: Model,
-    values: dict[str, Float[Array, " draw"]],
-    loaded: Drive,
-    winding: Float[Array, ""],
+    model: Model, values: dict[str, Float[Array, " draw"]], loaded: Drive, winding: Float[Array, ""]
 ) -> Rates:
     """Return the rates of each draw; compiled once per model.
 
