@@ -1,7 +1,5 @@
 """The documents lead where they say: links, places in the code, measured numbers."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from importlib import import_module

@@ -1,7 +1,5 @@
 """Links, pipes and hostile files in the folder of a running server: nothing outside is shown."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """Clients that send too much, too slowly, or too often, and the end of the server."""
 
-from __future__ import annotations
-
 import base64
 import gzip
 import json

@@ -1,7 +1,5 @@
 """The tab of fleets: what stands in it, what is read for it, and how it looks in a browser."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -1,7 +1,5 @@
 """A client of the live view that speaks HTTP and websocket by itself, with whatever it likes."""
 
-from __future__ import annotations
-
 import base64
 import http.client
 import json

@@ -8,8 +8,6 @@ network itself.
     python tests/audit/licences.py [--pip-audit PROGRAM] [--results results/audit]
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import re

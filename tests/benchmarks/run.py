@@ -10,8 +10,6 @@ load stands in the head of the page. A rival that is not installed is skipped wi
 would take hours is timed per evaluation and marked as extrapolated.
 """
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import datetime

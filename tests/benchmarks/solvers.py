@@ -4,8 +4,6 @@ Each entry of `SOLVERS` takes the record and returns a function from one row of 
 reading, or None where the package is not installed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

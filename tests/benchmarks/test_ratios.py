@@ -1,7 +1,5 @@
 """What must not grow: compilations, calls, memory, and the ratio to the same arithmetic in C."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The benchmark in small: the rivals agree, and the table says what was missed, by how much."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from importlib import import_module

@@ -6,8 +6,6 @@ Simulation by scipy and diffrax, the fit by scipy on a simulator in numba, the p
 of numpyro and blackjax. Times are those of one run on a machine that others may use.
 """
 
-from __future__ import annotations
-
 import datetime
 import json
 import platform

@@ -1,7 +1,5 @@
 """Noise and unmodelled heat over the machines of a type: a population beside the parameters'."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

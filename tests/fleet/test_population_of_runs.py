@@ -1,7 +1,5 @@
 """From run folders to a type, and from the type to the priors of the next machine."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Effects that the machines of a type share: on scores that are drawn, and the path to them."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What several files of tests share: a calibrated record, and a run on the disk."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import sys

@@ -1,7 +1,5 @@
 """What a sheet says, from its printed numbers alone: simulate them, and look at the error."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What the inputs of a test tell of its torque and powers, at load and at standstill."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

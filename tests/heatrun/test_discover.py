@@ -3,8 +3,6 @@
 And a small version of the study.
 """
 
-from __future__ import annotations
-
 import json
 from contextlib import redirect_stdout
 from pathlib import Path

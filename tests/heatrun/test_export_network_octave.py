@@ -1,7 +1,5 @@
 """GNU Octave integrates network.mat as lptn does: each effect alone, several, four nodes."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, replace
 from importlib.resources import files

@@ -1,7 +1,5 @@
 """Every unit in every form of header: converted by its own factor or asked for."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Text tables as loggers of many makes write them, in members that `tests/readings` has not."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np

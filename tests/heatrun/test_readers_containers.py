@@ -1,7 +1,5 @@
 """MATLAB files, signals in structs, groups and matrices, and raw bus frames."""
 
-from __future__ import annotations
-
 import struct
 
 import h5py

@@ -1,7 +1,5 @@
 """The winding at switch-off: from readings alone, and with a run as the prior of the cooling."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from xml.etree import ElementTree

@@ -1,7 +1,5 @@
 """One contract for every effect of the catalogue: adding a class to `EFFECTS` is enough."""
 
-from __future__ import annotations
-
 import dataclasses
 import inspect
 import re

@@ -1,7 +1,5 @@
 """The networks against closed forms, matrix exponentials and the laws of heat conduction."""
 
-from __future__ import annotations
-
 import doctest
 
 import equinox as eqx

@@ -3,8 +3,6 @@
 One mass each, by the exponential: nothing of the packages under test.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from test_units_by_physics import checked

@@ -5,8 +5,6 @@ speed and electrical power shows. What is invisible is so in principle, as state
 records, and measured ones where they are at hand, are not asked about.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache

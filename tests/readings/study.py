@@ -3,8 +3,6 @@
 python tests/readings/study.py [--results results/readings] [--table table.md] [--list]
 """
 
-from __future__ import annotations
-
 import argparse
 import datetime
 import platform

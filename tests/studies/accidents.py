@@ -8,8 +8,6 @@ use those from there on. `accidents.py --seed 1000 --clean 12 --each 2 --out FOL
 look; a run that was cut short goes on where it was.
 """
 
-from __future__ import annotations
-
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Sequence

@@ -6,8 +6,6 @@ that motor and generate, a heater alone, a coil alone, tests of minutes on machi
 reports use seeds from there on, each once.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """The cells of the coverage study: what is drawn, what the fit is told, one row per record."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

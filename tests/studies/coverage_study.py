@@ -6,8 +6,6 @@ the heat that a network misses had a prior). Rows go to a file as they come; a r
 goes on from there.
 """
 
-from __future__ import annotations
-
 import gzip
 import json
 import os

@@ -6,8 +6,6 @@ below 50000 were used to set thresholds; reports use seeds from 110000 on, once 
 90000 and 100000 were reported before; of 80000 one case was looked at and changed the code).
 """
 
-from __future__ import annotations
-
 import sys
 from collections import Counter
 from collections.abc import Iterable, Sequence

@@ -4,8 +4,6 @@ Part of `make study-discovery`. Nothing compiled is kept between the runs: the c
 user is another, empty one.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import platform

@@ -7,8 +7,6 @@ weights give the evidence without bias; where their guard fails, or where the pa
 unmodelled heat than the search had, the pair does not count and is said.
 """
 
-from __future__ import annotations
-
 import math
 import tempfile
 from collections.abc import Sequence

@@ -7,8 +7,6 @@ predicted by a network that was calibrated on others; of a profile that is predi
 without it, nothing is done.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tempfile

@@ -7,8 +7,6 @@ would take it: the numbers that the motor file asks for are put in, and a column
 draft took another. Writes commands, seconds, typed lines and results to `results/first_hour/`.
 """
 
-from __future__ import annotations
-
 import argparse
 import datetime
 import json

@@ -4,8 +4,6 @@ Independent of heatrun and lptn: two nodes by NumPy, integrated after Runge and 
 machines at once, and written as the text files that a bench would leave.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -7,8 +7,6 @@ stated standard deviations for all machines. Each machine is fitted, its evidenc
 out, and the fleet searched as `heatrun fleet --discover` does. It goes on where it was stopped.
 """
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Sequence
 from functools import partial

@@ -5,8 +5,6 @@ those from `SEED` on. Each fleet goes the user's way: fleet, population, and the
 go to a file as they come; a run that was cut short goes on from there.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import tempfile

@@ -5,8 +5,6 @@ that nobody measures. That heat is smoother than the Gauss-Markov process that h
 a random force through two lags, whose time is another in each machine.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

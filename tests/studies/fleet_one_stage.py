@@ -9,8 +9,6 @@ only how soon they are enough. The responses to unmodelled heat are those at eac
 Reference: M. D. Hoffman, A. Gelman, The No-U-Turn Sampler, JMLR 15 (2014) 1593-1623.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -5,8 +5,6 @@
 Needs Chromium. Prints a line a minute and writes `follow.json` and a screenshot into the folder.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

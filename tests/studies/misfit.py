@@ -6,8 +6,6 @@ a held-out test hold. Reports use seeds from 260000 on, each once; those below w
 findings, intervals and effects were made, or reported before.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from functools import partial

@@ -12,8 +12,6 @@ The seed says kind and half. Those from 6000 on are for tuning, 96000 to 96056 w
 next report uses those from 96057 on.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import shutil

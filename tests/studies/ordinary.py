@@ -6,8 +6,6 @@ to a file as they come; a run that was killed goes on from there. Seed 8000 is f
 use seed 92000 (80000 to 91019 were looked at).
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -8,8 +8,6 @@ with networks of more nodes, in which tooth and yoke are nodes of their own. The
 of the project: without it, nothing is done.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 from itertools import combinations

@@ -5,8 +5,6 @@ fitted and held out. The records are not part of the project (`../shared/bench`)
 is left out.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 import time

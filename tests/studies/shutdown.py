@@ -6,8 +6,6 @@ Seeds below 50000 and above 100000 were used while priors were made, those from 
 earlier report; the report uses those from 60000 on.
 """
 
-from __future__ import annotations
-
 import json
 import tempfile
 import time

@@ -5,8 +5,6 @@ losses stays; a sensor stands for the resistance. What it showed when the load w
 known. The record is not part of the project (`../shared/bench`): without it nothing is done.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

@@ -1,7 +1,5 @@
 """The cases of a study in worker processes, what is written of them, and the options for that."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import io

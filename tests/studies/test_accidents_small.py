@@ -1,7 +1,5 @@
 """The study of accidents: its cases are struck as they say, its table counts what it says."""
 
-from __future__ import annotations
-
 import pytest
 from accidents import is_named, run, table
 from gate_rows import limits_95

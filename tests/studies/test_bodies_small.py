@@ -1,7 +1,5 @@
 """The study of measured bodies: its machines obey physics, its table counts what it says."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The coverage study in small: intervals hold the truth as often as they say."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import binom

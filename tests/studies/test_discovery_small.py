@@ -1,7 +1,5 @@
 """The discovery study in small: cases through the command, down to the written run folder."""
 
-from __future__ import annotations
-
 import pytest
 
 pytestmark = pytest.mark.slow

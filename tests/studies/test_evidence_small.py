@@ -1,7 +1,5 @@
 """The study of the evidence: what counts, what is said of it, and one machine through it."""
 
-from __future__ import annotations
-
 import pytest
 from evidence import SEED, counts, pairs, run, table
 

@@ -1,7 +1,5 @@
 """The field's exam on files of the public layout: profiles are split, and errors are counted."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

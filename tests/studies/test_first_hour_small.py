@@ -1,7 +1,5 @@
 """A small version of the study `first_hour.py`: all files up to `check`, one to its sheet."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The study of effects that a fleet shares, in small: a fleet through the command, and its page."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

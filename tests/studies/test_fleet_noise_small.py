@@ -1,7 +1,5 @@
 """The study of noise over fleets: its machines are what they were drawn from; a small one."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The study of populations: its machines obey physics, its table counts what its rows say."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

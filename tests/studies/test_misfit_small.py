@@ -1,7 +1,5 @@
 """The table of the misfit study counts what it says, on rows made by hand."""
 
-from __future__ import annotations
-
 import pytest
 
 PARAMETERS = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")

@@ -1,7 +1,5 @@
 """A small version of the study of the observer: one machine by its true figures, one test."""
 
-from __future__ import annotations
-
 import shutil
 
 import numpy as np

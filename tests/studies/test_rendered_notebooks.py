@@ -1,7 +1,5 @@
 """Notebooks as pages: what a cell printed and drew stands under it."""
 
-from __future__ import annotations
-
 import base64
 
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output

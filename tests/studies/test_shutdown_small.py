@@ -1,7 +1,5 @@
 """The study of shut-downs: its cases go through the command, its table counts what it says."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from shutdown import jobs, run, table
