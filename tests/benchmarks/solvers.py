@@ -82,9 +82,7 @@ def diffrax_adaptive(made: dict) -> Callable | None:
 def diffrax_at_samples(made: dict) -> Callable | None:
     """Heun's third-order method on the grid of the samples."""
     return _diffrax(
-        made,
-        lambda diffrax, times: diffrax.StepTo(ts=times),
-        lambda diffrax: diffrax.Bosh3(),
+        made, lambda diffrax, times: diffrax.StepTo(ts=times), lambda diffrax: diffrax.Bosh3()
     )
 
 

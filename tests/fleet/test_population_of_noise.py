@@ -5,13 +5,7 @@ import json
 import numpy as np
 import pytest
 from pyarrow.parquet import read_table
-from rows_of_machines import (
-    NOISE_MEDIAN,
-    NOISE_NAMES,
-    NOISE_SPREAD,
-    machine,
-    write_rows,
-)
+from rows_of_machines import NOISE_MEDIAN, NOISE_NAMES, NOISE_SPREAD, machine, write_rows
 
 import heatrun
 from heatrun.errors import InputError

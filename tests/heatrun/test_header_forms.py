@@ -18,14 +18,7 @@ from heatrun.record.header import (
     unit_of_cell,
 )
 from heatrun.record.table import Column
-from heatrun.record.units import (
-    QUANTITIES,
-    Unit,
-    find_unit,
-    refusal,
-    require_unit,
-    to_canonical,
-)
+from heatrun.record.units import QUANTITIES, Unit, find_unit, refusal, require_unit, to_canonical
 
 COLUMNS = {
     "time": ("time_s", "Zeit"),

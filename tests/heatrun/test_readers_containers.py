@@ -24,10 +24,7 @@ def column(values):
     return values[:, None]
 
 
-SERIES = {
-    "coil": {"Time": T, "Data": COIL, "Units": "degC"},
-    "phase": {"Time": T, "Data": PHASE},
-}
+SERIES = {"coil": {"Time": T, "Data": COIL, "Units": "degC"}, "phase": {"Time": T, "Data": PHASE}}
 
 
 def holds_the_run(path, columns):

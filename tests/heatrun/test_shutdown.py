@@ -22,13 +22,7 @@ from heatrun.shutdown.cooling import Cooling, UsualModes, _lagged
 from heatrun.shutdown.of_run import _modal, modes_of_run
 from heatrun.shutdown.printed import drawn
 from heatrun.shutdown.readings import Readings, read_readings
-from heatrun.shutdown.result import (
-    _reason,
-    _reduced,
-    allowed_delay_s,
-    by_hand,
-    winding_at_shutdown,
-)
+from heatrun.shutdown.result import _reason, _reduced, allowed_delay_s, by_hand, winding_at_shutdown
 from heatrun.shutdown.sheet import content
 
 COLD, COLD_degC, B, AIR = 0.482, 21.0, 234.5, 23.0

@@ -10,14 +10,7 @@ import pytest
 from compiled import constant, reading, reference, simulate
 
 import lptn
-from lptn import (
-    ALUMINIUM_COEFFICIENT,
-    COPPER_COEFFICIENT,
-    CopperLosses,
-    Drive,
-    Inputs,
-    copper_loss,
-)
+from lptn import ALUMINIUM_COEFFICIENT, COPPER_COEFFICIENT, CopperLosses, Drive, Inputs, copper_loss
 from lptn.stepping import heat_balance, rates
 
 B = lptn.COPPER_COEFFICIENT

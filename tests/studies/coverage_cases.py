@@ -339,10 +339,7 @@ def _judged(
 
 
 def bound(
-    problem: Problem,
-    true: Mapping[str, float],
-    noise: SensorNoise,
-    start_degC: tuple[float, float],
+    problem: Problem, true: Mapping[str, float], noise: SensorNoise, start_degC: tuple[float, float]
 ) -> dict[str, float]:
     """Return the smallest standard deviation of the logarithm of each network parameter [1].
 

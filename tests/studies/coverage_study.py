@@ -166,12 +166,7 @@ def jobs(seed: int, share: float) -> Iterator[Row]:
 
 
 def write(
-    rows: list[Row],
-    found: list[Row],
-    out: Path,
-    words: str,
-    seed: int,
-    planned: int,
+    rows: list[Row], found: list[Row], out: Path, words: str, seed: int, planned: int
 ) -> None:
     """Write rows, gates, summary, table and figures; `words` are those of the command."""
     rows = sorted(rows, key=lambda row: (list(NUM_RECORDS).index(row["cell"]), row["index"]))

@@ -40,8 +40,7 @@ def test_profiles_are_split_by_their_id(made):
 
 
 @pytest.mark.parametrize(
-    ("wanted", "told"),
-    [("60", "held out"), ("8", "no profile 8"), ("all,", "ids of profiles")],
+    ("wanted", "told"), [("60", "held out"), ("8", "no profile 8"), ("all,", "ids of profiles")]
 )
 def test_a_training_set_that_cannot_be_is_refused(made, wanted, told):
     from exam import profiles, training

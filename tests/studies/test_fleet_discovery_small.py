@@ -9,15 +9,7 @@ from heatrun_fleet.shared_effects.job import read_discovery
 pytest.importorskip("pyarrow")
 
 from fleet_discovery import cases, table
-from fleet_of_hidden_causes import (
-    EFFECTS,
-    TRUTH,
-    amplitude_of,
-    fleet,
-    march,
-    programme,
-    write,
-)
+from fleet_of_hidden_causes import EFFECTS, TRUTH, amplitude_of, fleet, march, programme, write
 from gate_rows import limits_95
 
 

@@ -5,13 +5,7 @@ import json
 import numpy as np
 import pytest
 from fleet_noise import run, table
-from fleet_noise_cases import (
-    IRON_SPREAD,
-    NOISE,
-    draw_noisy_fleet,
-    smoothly,
-    write_noisy_fleet,
-)
+from fleet_noise_cases import IRON_SPREAD, NOISE, draw_noisy_fleet, smoothly, write_noisy_fleet
 from study_runs import write_rows
 
 

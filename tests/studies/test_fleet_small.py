@@ -6,15 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fleet import table
-from fleet_cases import (
-    NAMES,
-    B_degC,
-    REFERENCE_degC,
-    ROOM_degC,
-    courses,
-    draw_fleet,
-    write_fleet,
-)
+from fleet_cases import NAMES, B_degC, REFERENCE_degC, ROOM_degC, courses, draw_fleet, write_fleet
 from scipy.integrate import solve_ivp
 
 from heatrun_fleet.fleet_file import load_fleet

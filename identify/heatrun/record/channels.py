@@ -156,12 +156,7 @@ COMPUTED = "the worksheet computes it from the measured columns"
 
 WORKSHEET = ColumnMap(
     "thesis worksheet (t, Tw, P, Is)",
-    {
-        "t": "time_s",
-        "Is": "phase_current_A",
-        "P": "losses_W",
-        "Tw": "winding_degC",
-    },
+    {"t": "time_s", "Is": "phase_current_A", "P": "losses_W", "Tw": "winding_degC"},
     num_needed=7,
     refused={
         "Tw mod": "it holds the mean of the ambient in its first row alone",
