@@ -53,7 +53,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         action="store_true",
         help="the best candidates hold, marked '# please check', instead of standing behind a #",
     )
-    words.add_json(parser)
+    words.add(parser, "--json")
     return parser
 
 
