@@ -152,8 +152,9 @@ CHANNELS = {"speed": "speed_rpm", "speed_rad": "speed_rpm", "coolant": "coolant_
 
 def lacking(kind: type[AbstractEffect], test: Blocks) -> tuple[str, ...]:
     """Return the channels that an effect needs and a test does not have."""
-    needs = [need for need in kind.card.needs if _is_absent(test, need)]
-    return tuple(dict.fromkeys(CHANNELS.get(need, need) for need in needs))
+    needs = (need.replace("speed_rad", "speed") for need in kind.card.needs)
+    lacks = [need for need in needs if getattr(test.inputs, need, 0.0) is None]
+    return tuple(dict.fromkeys(CHANNELS.get(need, need) for need in lacks))
 
 
 def refuse_lacking(kinds: Sequence[type[AbstractEffect]], tests: Sequence[Blocks]) -> None:
@@ -268,8 +269,3 @@ def unplaced(kinds: Sequence[type[AbstractEffect]], network: Network) -> str:
     except ValueError as error:
         return str(error)
     return ""
-
-
-def _is_absent(test: Blocks, need: str) -> bool:
-    name = "speed" if need == "speed_rad" else need
-    return getattr(test.inputs, name, 0.0) is None

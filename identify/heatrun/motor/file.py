@@ -331,7 +331,8 @@ def read_next_machine(folder: Path, where: str) -> NextMachine:
     try:
         content = json.loads(path.read_bytes())
         found = {name: _prior(said) for name, said in content["parameters"].items()}
-        heat = _heat(content.get("noise") or {})
+        noise = (content.get("noise") or {}).get("parameters", {}).get(HEAT)
+        heat = None if noise is None else float(noise["next_median"])
     except OSError as error:
         types = sorted(each.parent.name for each in folder.glob(f"*/{NAME}"))
         raise InputError(
@@ -353,18 +354,9 @@ def read_next_machine(folder: Path, where: str) -> NextMachine:
             remedy=remedy,
         )
     effects = dict.fromkeys(name.partition(".")[0] for name in found if "." in name)
-    return NextMachine(found, tuple(effects), _within_limits(heat))
-
-
-def _heat(noise: dict[str, Any]) -> float | None:
-    said = noise.get("parameters", {}).get(HEAT)
-    return None if said is None else float(said["next_median"])
-
-
-def _within_limits(heat: float | None) -> float | None:
-    """Return the heat as far as a motor file may say it: the tail of a law may reach beyond."""
-    low, high = HEAT_LIMITS
-    return None if heat is None else min(max(heat, low), high)
+    if heat is not None:  # as far as a motor file may say it: the tail of a law may reach beyond
+        heat = min(max(heat, HEAT_LIMITS[0]), HEAT_LIMITS[1])
+    return NextMachine(found, tuple(effects), heat)
 
 
 def _prior(said: dict[str, Any]) -> ParameterOverride:

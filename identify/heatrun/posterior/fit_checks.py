@@ -234,10 +234,12 @@ def distance(found: Fit) -> tuple[float, float]:
     return found.problem.rmse_K(np.concatenate(found.residual)), reached
 
 
-def is_overruled(found: Fit) -> bool:
-    """Return whether unmodelled heat keeps a network from tests that it could follow."""
+def is_overruled(found: Fit, times: float = OVERRULED) -> bool:
+    """Return whether unmodelled heat keeps a network so many times as far from tests as it could
+    follow them.
+    """
     rmse, reached = distance(found)
-    return rmse > max(OVERRULED * reached, OVERRULED_K)
+    return rmse > max(times * reached, OVERRULED_K)
 
 
 def holding_heat(
@@ -263,7 +265,7 @@ def holding_heat(
     if not is_overruled(found) or problem.motor.adequacy != Adequacy():
         return found
     held, adequacy, nearest = found, usual, found
-    while _is_away(held) and adequacy.unmodelled_heat > HEAT_LIMITS[0]:
+    while is_overruled(held, FOLLOWS) and adequacy.unmodelled_heat > HEAT_LIMITS[0]:
         least = max(LESS * adequacy.unmodelled_heat, HEAT_LIMITS[0])
         adequacy = replace(adequacy, unmodelled_heat=least)
         model = replace(problem.model, adequacy=adequacy)
@@ -275,11 +277,6 @@ def holding_heat(
     if nearest is found:  # a search may end elsewhere, however little heat there is
         return found
     return replace(nearest, findings=(*nearest.findings, _finding(found, nearest)))
-
-
-def _is_away(found: Fit) -> bool:
-    rmse, reached = distance(found)
-    return rmse > max(FOLLOWS * reached, OVERRULED_K)
 
 
 def _finding(before: Fit, held: Fit) -> Finding:

@@ -86,7 +86,9 @@ def state(
             "identified" if relative_sd <= IDENTIFIED else "weak", "informed by the tests."
         )
     if contraction <= PRIOR_SPEAKS and relative_sd <= IDENTIFIED:
-        return Statement("identified", _basis(posterior))
+        return Statement(
+            "identified", f"the longest test spans {_spans(posterior):.1f} slow time constants."
+        )
     gain = longer().get(parameter.name)
     hint = "" if gain is None else f" {LONGER} ±{200 * gain:.1f} % (95 %)."
     if contraction > PRIOR_SPEAKS:
@@ -188,11 +190,6 @@ def slow_time_constant(posterior: Posterior) -> float:
                 values.setdefault(name, parameter.fixed)
     capacitance, resistance = posterior.fit.problem.model.form.body
     return values[capacitance] * values[resistance]
-
-
-def _basis(posterior: Posterior) -> str:
-    spans = _spans(posterior)
-    return f"the longest test spans {spans:.1f} slow time constants."
 
 
 def _blocking(posterior: Posterior, parameter: Parameter, relative_sd: float) -> str:

@@ -164,7 +164,9 @@ HOW = (
 
 def add_results(root: Element, about: Element, result: FitResult, certificate: Certificate) -> None:
     """Add the statements and the results to a certificate."""
-    _statements(add(about, "statements"), result, certificate)
+    said = headline(result)
+    use = " ".join((said.sentence, *map(clean, said.reasons)))
+    add_statements(add(about, "statements"), use, certificate)
     measured = add(add(root, "measurementResults"), "measurementResult")
     network = result.models[favoured(result)]
     add_text(measured, "name", f"Thermal network, {network.title}")
@@ -205,11 +207,6 @@ def add_method(
     add(software, "release", version)
     if certificate.instruments:
         _instruments(add(measured, "measuringEquipments"), certificate)
-
-
-def _statements(parent: Element, result: FitResult, certificate: Certificate) -> None:
-    said = headline(result)
-    add_statements(parent, " ".join((said.sentence, *map(clean, said.reasons))), certificate)
 
 
 def add_statements(parent: Element, use: str, certificate: Certificate) -> None:

@@ -41,8 +41,7 @@ def format_value(value: float | None, uncertainty: float | None) -> tuple[str, s
         return "not determined", "–"
     if uncertainty is None or not math.isfinite(uncertainty) or uncertainty <= 0:
         return rounded(value, 5), "–"
-    # rounded first: 0.0996 has two significant digits as 0.10
-    places = 1 - math.floor(math.log10(float(f"{uncertainty:.1e}")))
+    places = places_of(uncertainty)
     return fixed(value, places), fixed(uncertainty, places)
 
 
@@ -164,6 +163,7 @@ def places_of(uncertainty: float) -> int:
         >>> places_of(20.0), places_of(0.00996), places_of(370.0)
         (0, 3, -1)
     """
+    # rounded first: 0.0996 has two significant digits as 0.10
     return 1 - math.floor(math.log10(float(f"{uncertainty:.1e}")))
 
 
