@@ -24,6 +24,7 @@ from bench_machines import (
     in_turn,
     outrunner,
 )
+from heat_runs import checked
 
 from heatrun import checks
 from heatrun.checks.which_unit import unit_suspected
@@ -81,14 +82,6 @@ def as_read(
 def asked(record: Record, motor: Motor) -> list[Finding]:
     with np.errstate(all="ignore"):  # as `check_record` calls its checks
         return list(unit_suspected(record, motor))
-
-
-def checked(record: Record, motor: Motor, id: str) -> list[Finding]:
-    """Return what `check_record` finds under an id; the checks behind that one are not made."""
-    last = next(place for place, check in enumerate(checks.CHECKS) if check.__name__ == id)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(checks, "CHECKS", checks.CHECKS[: last + 1])
-        return [finding for finding in checks.check_record(record, motor) if finding.id == id]
 
 
 def supposed(finding: Finding) -> list[str]:
