@@ -7,6 +7,7 @@ import os
 import re
 import socket
 import struct
+import time
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -202,3 +203,11 @@ def _gzip(data: bytes) -> bytes:
     import gzip
 
     return gzip.compress(data)
+
+
+def until(is_so, seconds: float = 180.0) -> None:
+    """Wait until something is so."""
+    end = time.monotonic() + seconds
+    while not is_so():
+        assert time.monotonic() < end
+        time.sleep(0.2)

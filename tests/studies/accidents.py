@@ -357,12 +357,7 @@ USUAL = {
 
 
 def run(job: Row, folder: Path) -> Row:
-    """Return the row of a case: its findings as id, severity, text and moment.
-
-    Args:
-        job: Its `accident` (empty for a clean record) and `seed`.
-        folder: Where it is written.
-    """
+    """Return the row of a case: its findings as id, severity, text and moment."""
     kinds = list(KINDS)
     accident = ACCIDENTS.get(job["accident"])
     if accident is not None and not accident.on_coil:

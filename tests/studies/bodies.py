@@ -248,7 +248,6 @@ def _sentence(row: Row) -> str:
 
 
 def main() -> None:
-    """Run the study."""
     parser = options_of(__doc__, "bodies", REPORTING_SEED, repeats=100)
     parser.add_argument("--kinds", nargs="+", choices=list(KINDS), default=list(KINDS),
                         help="records of these kinds only")  # fmt: skip

@@ -343,12 +343,6 @@ def bound(
 ) -> dict[str, float]:
     """Return the smallest standard deviation of the logarithm of each network parameter [1].
 
-    Args:
-        problem: Model and the one test.
-        true: True values by parameter name.
-        noise: True noise; its variance counts, not its tails.
-        start_degC: True temperatures of winding and stator at the start.
-
     Reference: H. L. Van Trees, Detection, Estimation, and Modulation Theory, part I, section 2.4
         (the bound with prior information).
     """

@@ -113,7 +113,6 @@ MISSES = """\
 
 
 def main() -> None:
-    """Run the study."""
     parser = options_of(__doc__, "coverage", REPORTING_SEED)
     parser.add_argument("--only", choices=NUM_RECORDS, help="this cell alone")
     parser.add_argument("--share", type=float, default=1.0, help="of the records of each cell")

@@ -152,7 +152,6 @@ def _figure(what: str, wanted: str, values: Sequence[float], reduce: Any) -> Row
 
 
 def main() -> None:
-    """Run the study."""
     counts = {"repeats": 1, "clean": 8, "unknown": 4, "pairs": 4}
     parser = options_of(__doc__, "discovery", REPORTING_SEED, **counts)
     options = parser.parse_args()

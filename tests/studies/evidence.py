@@ -104,7 +104,6 @@ def table(rows: Sequence[Row]) -> str:
 
 
 def main() -> None:
-    """Run the study."""
     options = options_of(__doc__, "ordinary", SEED, cases=6).parse_args()
     jobs = [{"kind": list(KINDS)[place % len(KINDS)], "seed": options.seed + place}
             for place in range(options.cases)]  # fmt: skip

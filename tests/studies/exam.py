@@ -149,11 +149,6 @@ def profiles(file: Path) -> dict[int, pd.DataFrame]:
 def training(wanted: str, parts: dict[int, pd.DataFrame], tests: Sequence[int]) -> tuple[int, ...]:
     """Return the profiles of a training set.
 
-    Args:
-        wanted: As `--train`.
-        parts: All profiles by id.
-        tests: Those that are held out.
-
     Raises:
         SystemExit: If a profile is not in the file, or would be fitted and predicted.
     """

@@ -126,7 +126,6 @@ def _machines(fleet: Fleet, table: list[Row]) -> list[Row]:
 
 
 def main() -> None:
-    """Run the study."""
     options = fleet_options(__doc__, SEED, fleets=10, machines=200)
     size = {"machines": options.machines, "workers": options.workers}
     jobs = [{"seed": options.seed + number, **size} for number in range(options.fleets)]
@@ -149,13 +148,7 @@ def fleet_options(doc: str | None, seed: int, **counts: int) -> Namespace:
 
 
 def table(rows: Sequence[Row], one_stage: Row | None, said: Row) -> str:
-    """Return the tables in Markdown.
-
-    Args:
-        rows: The fleets.
-        one_stage: Of `fleet_one_stage.py`; None where it was not run.
-        said: `seed`, `planned`, `command` and `versions` of the rows.
-    """
+    """Return the tables in Markdown."""
     machines = [each for row in rows for each in row["machines_found"]]
     num = sum(row["machines"] for row in rows)
     lines = [

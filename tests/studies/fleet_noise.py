@@ -157,7 +157,6 @@ def _machine(fleet: NoisyFleet, row: Row) -> Row:
 
 
 def main() -> None:
-    """Run the study."""
     options = fleet_options(__doc__, SEED, fleets=12, machines=50)
     size = {"machines": options.machines, "workers": options.workers}
     jobs = [
@@ -171,12 +170,7 @@ def main() -> None:
 
 
 def table(rows: Sequence[Row], said: Row) -> str:
-    """Return the tables in Markdown.
-
-    Args:
-        rows: The fleets.
-        said: `seed`, `planned`, `command` and `versions` of the rows.
-    """
+    """Return the tables in Markdown."""
     machines = [each for row in rows for each in row["machines_found"]]
     of_type = [each for row in rows for each in row["type"]]
     with_effect = sum(row["has_effect"] for row in rows)

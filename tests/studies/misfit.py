@@ -34,7 +34,6 @@ USES = ("usable", "restricted", "not usable")
 
 
 def main() -> None:
-    """Run the study."""
     parser = options_of(__doc__, "misfit", REPORTING_SEED, repeats=9, clean=60)
     options = parser.parse_args()
     listed = jobs(options.seed, options.repeats, options.clean)

@@ -414,7 +414,6 @@ def table(rows: Sequence[Row], seed: int) -> str:
 
 
 def main() -> None:
-    """Run the study."""
     parser = options_of(__doc__, "observer", REPORTING_SEED, machines=20, tests=10, hours=60)
     parser.add_argument("--keep", default="", help="folder of the runs")
     options = parser.parse_args()

@@ -29,7 +29,6 @@ INPUTS = ("phase_current_A", "losses_W", "coolant_degC", "speed_rpm")
 
 
 def main() -> None:
-    """Run the study."""
     found = paderborn_record(__doc__ or "", "observer")
     if found is None:
         return

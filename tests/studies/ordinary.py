@@ -349,7 +349,6 @@ def look(seed: int, num: int) -> int:
 
 
 def main() -> None:
-    """Run the study."""
     parser = options_of(__doc__, "ordinary", REPORTING_SEED, cases=72, look=0)
     parser.add_argument("--kind", nargs="+", choices=list(KINDS), default=list(KINDS))
     parser.add_argument("--discover", type=float, default=0.0, help="share of the cases [1]")

@@ -304,7 +304,6 @@ def _gates(rows: Sequence[Row]) -> list[str]:
 
 
 def main() -> None:
-    """Run the study."""
     parser = options_of(__doc__, "shutdown", REPORTING_SEED)
     parser.add_argument("--share", type=float, default=1.0, help="of the cases")
     parser.set_defaults(processes=2)

@@ -46,7 +46,6 @@ held-out cooling are too (`results/real/table.md`). Without it the intervals are
 
 
 def main() -> None:
-    """Run the study."""
     found = paderborn_record("A real load drop with its first readings hidden.", "shutdown")
     if found is None:
         return
