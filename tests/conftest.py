@@ -1,11 +1,7 @@
 """What all tests share."""
 
-from __future__ import annotations
-
 import atexit
 import gc
-import importlib
-import importlib.util
 import json
 import os
 import shutil
@@ -13,11 +9,11 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import bench_package
 import pytest
 from hypothesis import settings
 from xdist.scheduler import LoadFileScheduling
@@ -198,28 +194,12 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> OneWorkerFor
 
 
 @pytest.fixture(scope="session")
-def loaded() -> Callable[[str, Path], ModuleType]:
-    """Load a file that is no part of the installed packages, under a name."""
-
-    def load(name: str, path: Path) -> ModuleType:
-        spec = importlib.util.spec_from_file_location(name, path)
-        assert spec is not None
-        assert spec.loader is not None
-        sys.modules[name] = module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-        return module
-
-    return load
-
-
-@pytest.fixture(scope="session")
-def generator(loaded) -> ModuleType:
+def generator() -> ModuleType:
     """The simulated bench of `data/synthetic`."""
-    folder = Path(__file__).parents[1] / "data" / "synthetic" / "generator"
-    return loaded("synthetic_bench", folder / "__init__.py")
+    return bench_package.bench()
 
 
 @pytest.fixture(scope="session")
-def hidden_bench(generator) -> ModuleType:
+def hidden_bench() -> ModuleType:
     """The bench with hidden causes, a part of the simulated bench."""
-    return importlib.import_module(f"{generator.__name__}.hidden")
+    return bench_package.hidden_bench()

@@ -1,20 +1,16 @@
 """The documents lead where they say: links, places in the code, measured numbers."""
 
-from __future__ import annotations
-
 import re
 import shlex
-import sys
+from importlib import import_module
 from pathlib import Path
 from pkgutil import resolve_name
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent / "studies"))
-
 from studies import STUDIES
 
 ROOT = Path(__file__).parents[1]
+STUDY_FILES = sorted((ROOT / "tests" / "studies").glob("*.py"))
 PAGES = [
     *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md", "VISION.md")),
     *sorted((ROOT / "docs").glob("*.md")),
@@ -74,6 +70,11 @@ def test_every_make_target_is_there(page):
 def test_every_script_of_a_study_is_there():
     scripts = [shlex.split(each)[0] for study in STUDIES.values() for each in study.scripts]
     assert all(script == "-m" or (ROOT / script).is_file() for script in scripts)
+
+
+@pytest.mark.parametrize("name", [each.stem for each in STUDY_FILES if "test_" not in each.stem])
+def test_a_study_finds_what_it_imports(name):
+    import_module(name)
 
 
 def test_the_figures_of_the_readme_are_those_of_the_tables():

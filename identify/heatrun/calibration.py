@@ -369,10 +369,7 @@ def _searched(
 
     def search(fit: Fit) -> SmallEffects | None:
         return attempts.of(
-            "the search for missing effects",
-            lambda: small_effects(fit, kinds),
-            None,
-            where=title,
+            "the search for missing effects", lambda: small_effects(fit, kinds), None, where=title
         )
 
     screened = search(found)

@@ -31,7 +31,7 @@ from typing import Any
 
 from heatrun.errors import InputError
 from heatrun.io.open_file import digest, read_start
-from heatrun.io.toml_text import LARGEST_BYTES, check_keys, parse_toml, shown, text_of
+from heatrun.io.toml_text import LARGEST_BYTES, check_keys, parse_toml, section_of, shown, text_of
 from heatrun.model.network_form import NetworkForm
 from heatrun.model.network_text import network_named, network_text
 from heatrun.readers.joined import files_of
@@ -130,12 +130,7 @@ def _said(data: bytes, where: str) -> tuple[dict[str, str], dict[str, tuple[str,
         )
     content = parse_toml(data, where, "fleet file")
     check_keys(content, ("fleet", "machines"), where, "section")
-    fleet = content.get("fleet", {})
-    if not isinstance(fleet, dict):
-        raise InputError(
-            f"Expected a section, got {shown(fleet)}.", where=f"{where}, fleet",
-            remedy="Write [fleet] on a line of its own.",
-        )  # fmt: skip
+    fleet = section_of(content, "fleet", where)
     at = f"{where}, [fleet]"
     check_keys(fleet, KEYS, at, "key")
     texts = {k: text_of(fleet, k, at) for k in KEYS if k in fleet and k not in LISTS}

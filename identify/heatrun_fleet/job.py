@@ -193,10 +193,7 @@ def _work_out(
                 over_workers(pool, left, done)
     if changed:
         more = f" ({len(changed)} batches)" if len(changed) > 1 else ""
-        raise InputError(
-            f"{changed[0]}{more}",
-            remedy="All others were worked out and are kept.",
-        )
+        raise InputError(f"{changed[0]}{more}", remedy="All others were worked out and are kept.")
 
 
 def _assemble(

@@ -15,12 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from heatrun.calibration import (
-    Refused,
-    load_tests,
-    refuse_unplaced_bodies,
-    with_scales_of,
-)
+from heatrun.calibration import Refused, load_tests, refuse_unplaced_bodies, with_scales_of
 from heatrun.checks import current_scale_unchecked
 from heatrun.errors import InputError
 from heatrun.fit.fit import fit

@@ -248,9 +248,7 @@ class Confrontation:
 
 
 def confront(
-    prototypes: Sequence[Prototype],
-    motor: Motor,
-    tolerances: Mapping[str, float] | None = None,
+    prototypes: Sequence[Prototype], motor: Motor, tolerances: Mapping[str, float] | None = None
 ) -> Confrontation:
     """Align prototypes and compare each pair.
 

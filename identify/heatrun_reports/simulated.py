@@ -161,10 +161,7 @@ def reference_of_run(simulated: Simulated, run: Path, motor: Motor) -> Reference
         channels["stator_degC"] = found.nodes[stator]
         bands["stator_degC"] = found.nodes_95[stator]
     return Reference(
-        record=Record(f"run {run.name}", channels),
-        bands=bands,
-        inputs=driving(motor),
-        run=str(run),
+        record=Record(f"run {run.name}", channels), bands=bands, inputs=driving(motor), run=str(run)
     )
 
 

@@ -102,13 +102,7 @@ class Latest:
         self._asked += 1
 
     def ask(self, what: str, work: Callable[[], T], show: Callable[[T | str], None]) -> None:
-        """Do work beside the page; where it fails, why is shown as HTML.
-
-        Args:
-            what: It is about, for the message.
-            work: As `in_background`, but may raise.
-            show: Gets what the work has returned, or the message.
-        """
+        """Do work beside the page; where it fails, why is shown as HTML."""
         self.forget()
         asked = self._asked
 

@@ -54,7 +54,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         metavar="MB",
         help="sum of all uploads (default: 200)",
     )
-    words.add_out(parser, "folder of the runs (default: results/runs)")
+    words.add(parser, "--out: folder of the runs (default: results/runs)")
     parser.set_defaults(handles_interrupt=True)
     return parser
 

@@ -70,12 +70,7 @@ class Trace:
 
     @classmethod
     def of(
-        cls,
-        test: str,
-        channel: str,
-        time_s: np.ndarray,
-        value: np.ndarray,
-        unit: str | None = None,
+        cls, test: str, channel: str, time_s: np.ndarray, value: np.ndarray, unit: str | None = None
     ) -> Trace:
         """Take a channel of a record, or a column that is none, with its unit.
 

@@ -316,11 +316,7 @@ HOT_K = 1500.0
 
 
 def steady_state(
-    network: Network,
-    losses: CopperLosses,
-    drive: Drive,
-    *,
-    effects: Sequence[AbstractEffect] = (),
+    network: Network, losses: CopperLosses, drive: Drive, *, effects: Sequence[AbstractEffect] = ()
 ) -> dict[str, Float[Array, ""]]:
     """Return the temperatures at which a network rests under a constant drive [degC].
 

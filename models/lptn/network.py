@@ -215,9 +215,7 @@ class CopperLosses(eqx.Module):
 
 
 def copper_loss(
-    current_squared: Float[Array, "..."],
-    temperature: Float[Array, "..."],
-    losses: CopperLosses,
+    current_squared: Float[Array, "..."], temperature: Float[Array, "..."], losses: CopperLosses
 ) -> Float[Array, "..."]:
     """Return the Joule loss P_js of the winding at its present temperature [W].
 

@@ -6,8 +6,6 @@ Row k holds the time k/rate and values that follow from k (`row`), so that a rea
 what it has is right.
 """
 
-from __future__ import annotations
-
 import math
 import random
 import sys

@@ -262,9 +262,11 @@ def served_class() -> type[Served]:
 
 
 @pytest.fixture(scope="session")
-def wire(loaded):
+def wire():
     """The client that sends what it likes: `ask`, `upgrade`, `Tab`."""
-    return loaded("heatrun_tests_wire", Path(__file__).with_name("wire.py"))
+    import wire
+
+    return wire
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,5 @@
 """Addresses that others can reach: the token, real names, and addresses that are none."""
 
-from __future__ import annotations
-
 import re
 import socket
 from urllib.parse import urlsplit

@@ -1,7 +1,5 @@
 """Pages of strangers in the same browser reach nothing of a running server, and it lives on."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer

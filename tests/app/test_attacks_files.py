@@ -1,17 +1,15 @@
 """Links, pipes and hostile files in the folder of a running server: nothing outside is shown."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import json
 import os
 import shutil
 import threading
-import time
 from pathlib import Path
 
 import pytest
+from wire import until
 
 from heatrun.errors import InputError
 from heatrun.io.whole_files import opening_by
@@ -203,18 +201,11 @@ def test_hostile_files_are_errors_of_their_own(serve, wire):
     for name in ("deep.toml", "no_text.toml"):
         bad = wire.Tab(server.url, f"?test=duty_30min.csv.gz&motor={name}")
         bad.show("Checks")
-        _until(lambda bad=bad: "The motor file is at fault" in bad.document())
+        until(lambda bad=bad: "The motor file is at fault" in bad.document())
         bad.close()
-    _until(lambda: "winding_degC" in tab.document())
+    until(lambda: "winding_degC" in tab.document())
     assert server.most_MB - before < 500.0
     tab.close()
-
-
-def _until(is_so, seconds: float = 120.0) -> None:
-    end = time.monotonic() + seconds
-    while not is_so():
-        assert time.monotonic() < end
-        time.sleep(0.5)
 
 
 def test_a_file_that_is_read_for_long_keeps_no_other_page_waiting(serve, wire, monkeypatch):
@@ -228,7 +219,7 @@ def test_a_file_that_is_read_for_long_keeps_no_other_page_waiting(serve, wire, m
     slow = wire.Tab(server.url, "?test=slow.csv&motor=motor.toml")
     other = wire.Tab(server.url, "?test=step_30min.csv.gz&motor=motor.toml")
     other.show("Checks")
-    _until(lambda: "How the files were read" in other.document())
+    until(lambda: "How the files were read" in other.document())
     assert "slow.csv" in slow.document()
     for tab in (slow, other):
         tab.close()

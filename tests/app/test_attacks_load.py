@@ -1,7 +1,5 @@
 """Clients that send too much, too slowly, or too often, and the end of the server."""
 
-from __future__ import annotations
-
 import base64
 import gzip
 import json
@@ -9,22 +7,15 @@ import os
 import shutil
 import signal
 import socket
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
+from wire import until
 
 BOMB_MB = 300
 CUT_S = 120
-
-
-def _until(is_so, seconds: float = 180.0) -> None:
-    end = time.monotonic() + seconds
-    while not is_so():
-        assert time.monotonic() < end
-        time.sleep(0.2)
 
 
 def _is_running(pid: int) -> bool:
@@ -98,16 +89,16 @@ def test_uploads_of_all_pages_share_one_limit(serve, wire):
         return found["id"]
 
     first.upload(dropper(first), "a.csv", b"time_s,winding_degC\n" + b"0,20\n" * 120_000)
-    _until(lambda: "uploaded/a.csv" in first.document())
+    until(lambda: "uploaded/a.csv" in first.document())
     second.upload(dropper(second), "b.csv", b"time_s,winding_degC\n" + b"0,20\n" * 120_000)
-    _until(lambda: "exceed 1 MB" in second.document())
+    until(lambda: "exceed 1 MB" in second.document())
     # a file that was begun takes room too, and gives it back when its page goes
     third = wire.Tab(server.url)
     assert "uploaded/a.csv" in third.document()
     assert "uploaded/b.csv" not in third.document()
     third.upload(dropper(third), "c.csv", b"t\n" * 150_000, 1, 2)
     second.upload(dropper(second), "d.csv", b"time_s,winding_degC\n" + b"0,20\n" * 30_000)
-    _until(lambda: "exceed 1 MB" in second.document())
+    until(lambda: "exceed 1 MB" in second.document())
     for tab in (first, second, third):
         tab.close()
 
@@ -194,12 +185,12 @@ def test_nothing_is_left_when_the_server_ends(serve, wire, tmp_path, monkeypatch
              "values": {"type": "map", "entries": [["model", {"id": button}]]}}  # fmt: skip
     told = {"kind": "MessageSent", "msg_type": "bokeh_event", "msg_data": event}
     tab.send("PATCH-DOC", {"events": [told]})
-    _until(lambda: server.children())
+    until(lambda: server.children())
     jobs = server.children()
     server.process.send_signal(number)
     server.process.wait(CUT_S)
     tab.close()
-    _until(lambda: not any(map(_is_running, jobs)), CUT_S)
+    until(lambda: not any(map(_is_running, jobs)), CUT_S)
     if number != signal.SIGKILL:
         assert server.process.returncode == 0
         assert not [each for each in temporary.iterdir() if each.name.startswith("heatrun-uploads")]

@@ -1,7 +1,5 @@
 """Requests that no page of heatrun makes, sent to a running server: refused, and the page lives."""
 
-from __future__ import annotations
-
 import base64
 import json
 import time

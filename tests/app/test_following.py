@@ -1,7 +1,5 @@
 """A test that is read while a bench writes it: whole lines only, each once, nothing lost."""
 
-from __future__ import annotations
-
 import io
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """The live view beside a running bench: followed tests, two cursors, cuts, colours, room."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """The live view as its user sees it: open, choose, zoom, calibrate, download; and its refusals."""
 
-from __future__ import annotations
-
 import shutil
 import socket
 import time

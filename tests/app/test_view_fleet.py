@@ -1,12 +1,9 @@
 """The tab of fleets: what stands in it, what is read for it, and how it looks in a browser."""
 
-from __future__ import annotations
-
 import json
 import math
 import os
 import shutil
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -22,7 +19,6 @@ from heatrun_view.store import Folder
 from heatrun_view.tabs.fleet import FOUND, ODD, POOR, FleetTab
 
 pytest.importorskip("pyarrow")
-sys.path.insert(0, str(Path(__file__).parents[1] / "fleet"))
 from rows_of_machines import machine, refused, write_rows
 
 from heatrun_fleet.rows import part_bytes

@@ -1,7 +1,5 @@
 """The tabs “Report” and “Simulate and export”: their commands, and what is handed out of them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Tabs are rendered when they are first shown, and keep from then on what stands in them."""
 
-from __future__ import annotations
-
 import re
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The motor file's text on the page: the line of a fault, and what is written when."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """A page that the browser still builds: what is found meanwhile waits until it can be shown."""
 
-from __future__ import annotations
-
 import time
 
 QUICK_S = 1.5

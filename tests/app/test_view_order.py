@@ -1,7 +1,5 @@
 """A browser that is slow to read: what it is told stays in order, and names only what it knows."""
 
-from __future__ import annotations
-
 import json
 import socket
 import time

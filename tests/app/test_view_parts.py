@@ -1,7 +1,5 @@
 """Parts of the live view that need no browser."""
 
-from __future__ import annotations
-
 import asyncio
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """A browser behind a slow line is waited for as long as it takes what it is sent; none for ever."""
 
-from __future__ import annotations
-
 import contextlib
 import socket
 import time

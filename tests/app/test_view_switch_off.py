@@ -1,7 +1,5 @@
 """The tab “Switch-off”: readings that are typed, what comes of them, and what cannot be read."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What the live view reads off and writes: cursors, colours, time axis, windows of a motor file."""
 
-from __future__ import annotations
-
 import os
 import tomllib
 from types import SimpleNamespace

@@ -10,8 +10,6 @@ for a signal, or null while it runs. All of them end with this process, which en
 standard input.
 """
 
-from __future__ import annotations
-
 import ctypes
 import gc
 import json

@@ -1,7 +1,5 @@
 """A client of the live view that speaks HTTP and websocket by itself, with whatever it likes."""
 
-from __future__ import annotations
-
 import base64
 import http.client
 import json
@@ -9,6 +7,7 @@ import os
 import re
 import socket
 import struct
+import time
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -204,3 +203,11 @@ def _gzip(data: bytes) -> bytes:
     import gzip
 
     return gzip.compress(data)
+
+
+def until(is_so, seconds: float = 180.0) -> None:
+    """Wait until something is so."""
+    end = time.monotonic() + seconds
+    while not is_so():
+        assert time.monotonic() < end
+        time.sleep(0.2)

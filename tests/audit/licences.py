@@ -8,8 +8,6 @@ network itself.
     python tests/audit/licences.py [--pip-audit PROGRAM] [--results results/audit]
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import re
@@ -58,13 +56,7 @@ def read_by_hand(lock: str) -> dict[tuple[str, str], str]:
 
 
 def licence_of(name: str, version: str, by_hand: Mapping[tuple[str, str], str]) -> str:
-    """Return the licence that a package's metadata state, or why there is none.
-
-    Args:
-        name: As in the lock file.
-        version: As in the lock file.
-        by_hand: As `read_by_hand`.
-    """
+    """Return the licence that a package's metadata state, or why there is none."""
     if (name, version) in by_hand:
         return by_hand[name, version]
     try:

@@ -5,8 +5,6 @@ by function, calls of the likelihood, the search and the noise, and the memory t
 likelihood needs beside its arguments.
 """
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """The record of the benchmark: a duty of the reference motor at 10 Hz."""
 
-from __future__ import annotations
-
 import numpy as np
 import ours
 

@@ -17,8 +17,6 @@ their own on top. Measured are
   the residuals for white noise.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

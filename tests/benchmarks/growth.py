@@ -3,8 +3,6 @@
 The figure of a row is the exponent of the growth, 1 where it is linear; the detail holds the times.
 """
 
-from __future__ import annotations
-
 import dataclasses
 
 import jax

@@ -1,7 +1,5 @@
 """One likelihood: heatrun beside C, numba, scipy, diffrax and casadi."""
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 

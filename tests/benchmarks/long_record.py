@@ -6,8 +6,6 @@ Prints the peak memory [MB] after each stage as one JSON object. No ensemble: wh
 the weighted draws holds is a matter of the record, and an ensemble would decide the time.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A heatrun command in a process of its own, and what it took."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

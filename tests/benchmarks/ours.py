@@ -1,7 +1,5 @@
 """The rows that measure heatrun itself: likelihoods, Jacobian, noise, fit, posterior."""
 
-from __future__ import annotations
-
 import math
 from functools import partial
 

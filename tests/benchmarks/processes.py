@@ -1,7 +1,5 @@
 """Whole processes: cold start and peak memory of each command, and of a record of 28 hours."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -8,8 +8,6 @@ Networks, which the command calibrates beside each other, are calibrated in turn
 second belongs to one phase. A phase counts without the phases inside it.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """The same likelihood in C and in numba, written by hand, walkers in the inner loop."""
 
-from __future__ import annotations
-
 import ctypes
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Rows of the benchmark: measured in turns, held against a target, printed as a table."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -10,8 +10,6 @@ load stands in the head of the page. A rival that is not installed is skipped wi
 would take hours is timed per evaluation and marked as extrapolated.
 """
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import datetime
@@ -22,8 +20,6 @@ import sys
 import time
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 import as_the_commands  # noqa: F401
 import growth

@@ -1,7 +1,5 @@
 """Posteriors: emcee on heatrun's density beside a numba one, and beside NUTS and PINTS."""
 
-from __future__ import annotations
-
 import time
 import warnings
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Fits: one search on all samples beside scipy's, and the whole fit of heatrun."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import jax

@@ -4,8 +4,6 @@ Each entry of `SOLVERS` takes the record and returns a function from one row of 
 reading, or None where the package is not installed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -84,9 +82,7 @@ def diffrax_adaptive(made: dict) -> Callable | None:
 def diffrax_at_samples(made: dict) -> Callable | None:
     """Heun's third-order method on the grid of the samples."""
     return _diffrax(
-        made,
-        lambda diffrax, times: diffrax.StepTo(ts=times),
-        lambda diffrax: diffrax.Bosh3(),
+        made, lambda diffrax, times: diffrax.StepTo(ts=times), lambda diffrax: diffrax.Bosh3()
     )
 
 

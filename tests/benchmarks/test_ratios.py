@@ -1,7 +1,5 @@
 """What must not grow: compilations, calls, memory, and the ratio to the same arithmetic in C."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
@@ -89,7 +87,6 @@ def test_one_likelihood_and_its_jacobian_keep_up_with_c(tmp_path):
     Typical are 0.5 and 2.5. The bounds are generous for slow or wide processors; where the loops
     are not compiled whole the Jacobian takes a hundred times as long as C, the likelihood no more.
     """
-    sys.path.insert(0, str(HERE))
     import heatrun  # isort: skip  (before JAX)
     import jax.numpy as jnp
     import ours

@@ -1,16 +1,11 @@
 """The benchmark in small: the rivals agree, and the table says what was missed, by how much."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from importlib import import_module
 from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from profile_calibrate import PHASES
 from rows import Row, duration, markdown
 

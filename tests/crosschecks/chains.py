@@ -6,8 +6,6 @@ covariance of the fit, a linear change that leaves the density as it is, and the
 ends, in coordinates without an end.
 """
 
-from __future__ import annotations
-
 import tempfile
 import warnings
 from collections.abc import Callable

@@ -6,8 +6,6 @@ instead of a Kalman filter, and the search is `scipy.optimize.least_squares` wit
 differences.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import independent

@@ -5,8 +5,6 @@ side. Temperatures in degC, watts, kelvin per second; `drive` is (I^2, losses, a
 over rated speed, I^2 over rated I^2) of one interval.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """The same simulation by `lptn`, by scipy and by diffrax."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import independent

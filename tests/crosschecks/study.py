@@ -6,26 +6,20 @@ Simulation by scipy and diffrax, the fit by scipy on a simulator in numba, the p
 of numpyro and blackjax. Times are those of one run on a machine that others may use.
 """
 
-from __future__ import annotations
-
 import datetime
 import json
 import platform
-import sys
 import time
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
-
-import heatrun  # noqa: F401  (sets XLA's options before JAX is used)
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 import chains
 import fits
 import numpy as np
 import simulation
 
+import heatrun  # noqa: F401  (sets XLA's options before JAX is used)
 from heatrun.posterior.importance import importance_sample, linear_sample
 from heatrun.posterior.posterior import sample
 

@@ -1,7 +1,5 @@
 """The same fit by scipy on a simulator written independently in numba."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

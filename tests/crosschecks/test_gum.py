@@ -5,8 +5,6 @@ To first order both are right where the first reading comes early; `test_shutdow
 budget against the draws where it comes late.
 """
 
-from __future__ import annotations
-
 import GTC
 import numpy as np
 import pytest

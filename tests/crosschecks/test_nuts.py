@@ -1,7 +1,5 @@
 """The same posterior by the No-U-Turn samplers of numpyro and blackjax."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The same simulation by scipy and diffrax, from a balance written independently."""
 
-from __future__ import annotations
-
 import pytest
 import simulation
 

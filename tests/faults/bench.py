@@ -1,7 +1,5 @@
 """A home in which commands are disturbed, and what undisturbed ones leave there."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import pickle

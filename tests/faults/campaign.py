@@ -11,8 +11,6 @@ What was seen stands in a file to which every trial adds; started again, the cam
         [--only NAME] [--parts kills,full,memory] [--results FOLDER] [--scratch FOLDER]
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -1,7 +1,5 @@
 """The commands that the campaign disturbs: their inputs, words, destination and phases."""
 
-from __future__ import annotations
-
 import gzip
 import os
 import shutil

@@ -5,8 +5,6 @@ happens; the n-th is where SIGKILL comes. Nothing here loads JAX, so forking is 
 kill costs milliseconds.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

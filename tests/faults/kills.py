@@ -1,7 +1,5 @@
 """One command, struck several times, started again each time, and then left to end."""
 
-from __future__ import annotations
-
 import random
 import signal
 from typing import Any

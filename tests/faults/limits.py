@@ -1,7 +1,5 @@
 """Commands on full disks and under limits of memory: a sentence and exit code 1, or success."""
 
-from __future__ import annotations
-
 import random
 import re
 import shutil

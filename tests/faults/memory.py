@@ -3,8 +3,6 @@
 python tests/faults/memory.py [--rows 10000000] [--results results/faults]
 """
 
-from __future__ import annotations
-
 import argparse
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The jobs of `heatrun view` and the server itself, struck while a job runs."""
 
-from __future__ import annotations
-
 import json
 import os
 import random

@@ -1,7 +1,5 @@
 """The table of the campaign: signals by command and phase, faults with the limit of their rate."""
 
-from __future__ import annotations
-
 import datetime
 from collections import Counter
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """A set of files that is killed before each of its file operations in turn; see `kill_points`."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What a campaign has seen so far: a line of JSON for each trial, in a file that only grows."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections import Counter

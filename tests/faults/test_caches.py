@@ -1,7 +1,5 @@
 """The caches: bounded, repaired, and not needed; one process at a time in a folder."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

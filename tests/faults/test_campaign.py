@@ -1,7 +1,5 @@
 """The campaign in small, and that it can fail: what is torn, missing or left over is seen."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

@@ -1,7 +1,5 @@
 """Full disks and memory, taken folders, clocks and Ctrl-C: said in words, nothing lost."""
 
-from __future__ import annotations
-
 import gzip
 import json
 import os

@@ -1,7 +1,5 @@
 """Files that belong together, killed before any file operation: all of them, or none."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Killed before any file operation, a run is whole, absent or the earlier one; it can go on."""
 
-from __future__ import annotations
-
 SCRIPT = "kill_points.py"
 
 

@@ -1,7 +1,5 @@
 """The same command with the same seed writes the same bytes, on one core and on all."""
 
-from __future__ import annotations
-
 import gzip
 import hashlib
 import json

@@ -6,8 +6,6 @@ the button is replaced: lines of JSON with the words on stdin, lines with the st
     python tests/faults/view_with_jobs.py view DIR --no-browser --port 0 --out RUNS
 """
 
-from __future__ import annotations
-
 import json
 import sys
 import threading

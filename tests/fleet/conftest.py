@@ -1,19 +1,13 @@
 """What the tests of fleets share."""
 
-from __future__ import annotations
-
 import os
 import shutil
-import sys
-from pathlib import Path
 
 import pytest
 from filelock import FileLock
 
 pytest.importorskip("pyarrow")
 
-# what several files of tests share stands beside them as plain scripts
-sys.path.insert(0, str(Path(__file__).parent))
 from simulated_fleet import calibrated, write_fleet
 
 

@@ -1,7 +1,5 @@
 """Work that ends the worker it runs in, for tests of what happens then; no machine is fitted."""
 
-from __future__ import annotations
-
 import os
 import signal
 from pathlib import Path

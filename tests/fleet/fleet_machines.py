@@ -1,7 +1,5 @@
 """Machines of a simulated fleet, by the bench of `data/synthetic`, which is independent code."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from heatrun.model.model import Model

@@ -35,8 +35,6 @@ from pathlib import Path
 from typing import Any
 
 import psutil
-
-sys.path.insert(0, str(Path(__file__).parent))
 from simulated_fleet import write_fleet
 
 FLEETS = {"one by one": (16, 2), "together": (64, 16)}

@@ -1,7 +1,5 @@
 """A fleet's folder with rows as `heatrun fleet` writes them, of posteriors drawn about a truth."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

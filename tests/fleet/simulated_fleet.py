@@ -3,8 +3,6 @@
 Its truth is independent of lptn: plain Python sums over the samples, Euler steps of one second.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Machines that are fitted together get the rows that each gets alone."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

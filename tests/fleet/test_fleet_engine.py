@@ -1,7 +1,5 @@
 """However a fleet is worked out, disturbed or not, its file is the same to the last bit."""
 
-from __future__ import annotations
-
 import errno
 import filecmp
 import json

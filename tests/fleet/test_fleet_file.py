@@ -1,7 +1,5 @@
 """The fleet file and the table of its machines: what is read, and what is refused with words."""
 
-from __future__ import annotations
-
 import datetime
 
 import pyarrow as pa

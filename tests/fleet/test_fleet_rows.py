@@ -1,7 +1,5 @@
 """The row of a machine: the fit's numbers, the machine's truth, and reasons where there is none."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

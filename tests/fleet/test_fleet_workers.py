@@ -1,7 +1,5 @@
 """Workers that die, stay away or belong to another scheduler."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

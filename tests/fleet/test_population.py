@@ -1,7 +1,5 @@
 """The population of a type against quadrature, published figures and simulated machines."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import jax

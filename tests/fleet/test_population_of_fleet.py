@@ -1,7 +1,5 @@
 """From the rows of a fleet to the populations of its types, their files and the next machine."""
 
-from __future__ import annotations
-
 import json
 
 import duckdb

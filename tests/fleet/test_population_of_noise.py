@@ -1,19 +1,11 @@
 """Noise and unmodelled heat over the machines of a type: a population beside the parameters'."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
 import pytest
 from pyarrow.parquet import read_table
-from rows_of_machines import (
-    NOISE_MEDIAN,
-    NOISE_NAMES,
-    NOISE_SPREAD,
-    machine,
-    write_rows,
-)
+from rows_of_machines import NOISE_MEDIAN, NOISE_NAMES, NOISE_SPREAD, machine, write_rows
 
 import heatrun
 from heatrun.errors import InputError

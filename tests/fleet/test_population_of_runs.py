@@ -1,16 +1,10 @@
 """From run folders to a type, and from the type to the priors of the next machine."""
 
-from __future__ import annotations
-
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "heatrun"))
-
 import run_near_truth as stored
 
 import heatrun

@@ -1,7 +1,5 @@
 """Effects that the machines of a type share: on scores that are drawn, and the path to them."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 
@@ -23,12 +21,7 @@ from heatrun.results.schema import schema_of
 from heatrun_fleet.machine import Prepared, prepare
 from heatrun_fleet.results import SCHEMAS
 from heatrun_fleet.rows import effect_columns, evidence_in
-from heatrun_fleet.shared_effects.job import (
-    NAME,
-    discover_fleet,
-    discovery_text,
-    read_discovery,
-)
+from heatrun_fleet.shared_effects.job import NAME, discover_fleet, discovery_text, read_discovery
 from heatrun_fleet.shared_effects.pooled import Evidence, evidence_of, pool
 from heatrun_fleet.shared_effects.search import FEWEST, discover_type
 from lptn.effects import EFFECTS as EFFECTS_OF_CATALOGUE

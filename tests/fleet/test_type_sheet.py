@@ -1,7 +1,5 @@
 """The type sheet: what stands on it, whatever machines are called and however many there are."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

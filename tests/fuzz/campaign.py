@@ -6,8 +6,6 @@ A target that raises anything but our own error, hangs for ten seconds or ends i
 there; its input is kept under `found` in the folder of results, to become a test.
 """
 
-from __future__ import annotations
-
 import argparse
 import datetime
 import json

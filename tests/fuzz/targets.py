@@ -4,8 +4,6 @@
 the property-based tests and by the coverage-guided campaign.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json

@@ -1,7 +1,5 @@
 """Inputs and names that once ended in a traceback, a wrong number or without bound, kept."""
 
-from __future__ import annotations
-
 import gzip
 import io
 import json

@@ -1,7 +1,5 @@
 """Files with bytes changed, cut, doubled: our error or a record; none against what it states."""
 
-from __future__ import annotations
-
 import random
 
 import pytest

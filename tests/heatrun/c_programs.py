@@ -1,7 +1,5 @@
 """The C of an export, compiled with a harness, and a simulated machine that drives its observer."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """An effect of a user's own, as it is given with `heatrun discover --effects`."""
 
-from __future__ import annotations
-
 from jaxtyping import Array, Float
 
 from lptn.effects import EffectCard, HeatEffect, Quantity

@@ -1,7 +1,5 @@
 """What several files of tests share: a calibrated record, and a run on the disk."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import sys
@@ -13,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from filelock import FileLock
+from run_files import CHANNELS, write_csv
 
 from heatrun import cli
 from heatrun.fit.fit import fit
@@ -21,10 +20,6 @@ from heatrun.model.problem import Problem
 from heatrun.record.motor import Motor
 from heatrun.record.record import Record
 from heatrun.record.reduction import reduce
-
-# what several files of tests write stands beside them as a plain script
-sys.path.insert(0, str(Path(__file__).parent))
-from run_files import CHANNELS, write_csv
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 

@@ -4,8 +4,6 @@ Children as a regular expression over their names in a row, texts as one over th
 that does not stand here is not one that a certificate of ours may hold.
 """
 
-from __future__ import annotations
-
 import re
 from xml.etree.ElementTree import Element
 

@@ -1,7 +1,5 @@
 """A discovery on reduced records: search and story, without sampling."""
 
-from __future__ import annotations
-
 from heatrun.discovery.discovery import tell
 from heatrun.effects.found import find
 from heatrun.effects.small_effects import small_effects

@@ -1,7 +1,5 @@
 """A small heat run under any names, and what `heatrun init` drafts of it."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

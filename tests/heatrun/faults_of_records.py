@@ -1,7 +1,5 @@
 """A fault for each check, and the same faults in other forms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Records of a motor of two nodes under load, and what a bench may do to them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 Integrated here in explicit steps of a second, in plain NumPy.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

@@ -1,7 +1,5 @@
 """A machine with a hidden cause, as the discovery sees it: motor and reduced records."""
 
-from __future__ import annotations
-
 import numpy as np
 from measured_machine import lagging
 

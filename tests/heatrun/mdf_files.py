@@ -1,7 +1,5 @@
 """MDF files as asammdf writes them, for the tests of the reader."""
 
-from __future__ import annotations
-
 from datetime import datetime
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Records of the reference motor with more than its winding measured, from the simulated bench."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from heatrun.record.record import Record

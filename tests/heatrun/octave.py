@@ -1,7 +1,5 @@
 """GNU Octave, for the tests that run an exported script in it."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Files of a finished run and of its tests, for tests that spoil them."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 

@@ -1,7 +1,5 @@
 """A run folder whose posterior lies closely around the truth of the generator's machine."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """An effect of a user's own: a fan on the shaft, with the exponent that its maker gives."""
 
-from __future__ import annotations
-
 from jaxtyping import Array, Float
 
 from lptn.effects import EffectCard, HeatEffect, Quantity, power, require

@@ -1,7 +1,5 @@
 """FMU and Modelica of an export in simulators that are not ours: FMPy, and the compiler rumoca."""
 
-from __future__ import annotations
-
 import importlib.util
 import io
 import os

@@ -5,8 +5,6 @@ graph of blocks, which is checked against what the blocks of the base library ha
 parameters, and integrated by classical Runge-Kutta steps as `ode4` does it.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Two clocks of one test: the offset is found within its own uncertainty, and heat is kept."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What the installation must be: sums as NumPy has them, and packages that import no other."""
 
-from __future__ import annotations
-
 from importlib.metadata import version
 from types import SimpleNamespace
 

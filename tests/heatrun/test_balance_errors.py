@@ -1,7 +1,5 @@
 """What the inputs of a test tell of its torque and powers, at load and at standstill."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +7,7 @@ import pytest
 from heat_runs import changed, checked
 from measured_machine import measured_record
 
-from heatrun.checks import check_record, current_scale_unchecked
+from heatrun.checks import check_record, current_scale_unchecked, standstill_losses
 from heatrun.export import Corrections
 from heatrun.fit.fit import fit
 from heatrun.model.bodies import corrected_losses, shaft_errors
@@ -292,7 +290,7 @@ def locked(minutes: float = 15.0, *, current_gain: float = 1.0, power_gain: floa
 
 
 def seen(record: Record, motor: Motor = MOTOR):
-    return checked(record, motor, "standstill_losses")
+    return list(standstill_losses(record, motor))
 
 
 def test_a_standstill_that_agrees_says_how_well_it_checks_the_scales():

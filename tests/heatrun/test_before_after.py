@@ -1,7 +1,5 @@
 """Two runs of one machine against formulas: what changed, at which load, and what is not told."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """What benches send is answered: `init --accept` and `check` on files whose truth is known."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """The General Information table by hand; whatever a record holds ends in a report or an error."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections import Counter

@@ -1,7 +1,5 @@
 """Thermal Behaviour Analysis: losses, equilibrium, the network of a run, and its digits."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Two prototypes on one manoeuvre: offset and bias come back, and verdicts by tolerances."""
 
-from __future__ import annotations
-
 import gzip
 import hashlib
 import json

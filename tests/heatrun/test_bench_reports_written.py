@@ -1,7 +1,5 @@
 """Reports as files: names, tables, folders, hostile names; there together or not at all."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

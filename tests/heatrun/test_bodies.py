@@ -1,7 +1,5 @@
 """A measured body that is a node of the network is fitted beside the winding."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The budget of a calibration against a closed form, a fit anew, and simulated errors."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from xml.etree import ElementTree
 

@@ -1,7 +1,5 @@
 """build_models.m: its block diagrams are whole, and integrate to what `heatrun simulate` says."""
 
-from __future__ import annotations
-
 import re
 from importlib.resources import files
 from pathlib import Path

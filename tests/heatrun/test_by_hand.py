@@ -1,7 +1,5 @@
 """Parameters moved by hand: the curve is that of the simulation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

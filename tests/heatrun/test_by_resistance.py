@@ -1,7 +1,5 @@
 """Winding temperature by resistance, and what a resistance beside a sensor says of the material."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

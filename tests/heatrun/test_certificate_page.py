@@ -1,7 +1,5 @@
 """Page 1 of the sheet: verdict, numbers, days, names to the letter, blank lines for the rest."""
 
-from __future__ import annotations
-
 import doctest
 import json
 from dataclasses import replace

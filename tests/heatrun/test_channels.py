@@ -1,7 +1,5 @@
 """The channel map: precedence, known benches, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Each check keeps silent on a clean heat run, finds its own fault, and advises what mends it."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What is said of a record fits it: its first causes, what is known and what is missing."""
 
-from __future__ import annotations
-
 import ast
 import json
 import re

@@ -1,7 +1,5 @@
 """The commands as a user runs them: results, refusals, exit codes, nothing half-written."""
 
-from __future__ import annotations
-
 import gzip
 import json
 import re

@@ -1,7 +1,5 @@
 """Networks compared by evidence and by scores."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace

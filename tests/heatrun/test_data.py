@@ -1,7 +1,5 @@
 """The bundled data and the simulated bench that makes them."""
 
-from __future__ import annotations
-
 import ast
 import csv
 import gzip

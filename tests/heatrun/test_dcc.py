@@ -1,7 +1,5 @@
 """What `[certificate]` and `--meta` may say, and the Digital Calibration Certificate made of it."""
 
-from __future__ import annotations
-
 import copy
 import re
 from dataclasses import replace

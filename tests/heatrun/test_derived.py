@@ -1,7 +1,5 @@
 """Channels that follow from measured ones, and columns that say the same thing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

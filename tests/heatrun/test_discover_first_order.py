@@ -1,7 +1,5 @@
 """Discovery from one node, on the discrepancy of the thesis: the winding runs ahead of the body."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The stages of discovery, each alone; measured bodies beside the winding count."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

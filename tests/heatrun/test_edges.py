@@ -1,7 +1,5 @@
 """Records at the edge of what a bench gives: checked, fitted or refused in words."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

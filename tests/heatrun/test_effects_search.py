@@ -1,7 +1,5 @@
 """The search for effects: two at once, one linear evidence, soft priors."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The C of an export: compiled without a warning, as lptn, and what it refuses."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 import shutil

@@ -1,7 +1,5 @@
 """One and two bodies for drives and for MuJoCo: against closed forms, and no name gets through."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import tomllib

@@ -1,7 +1,5 @@
 """A run as FMU and Modelica: valid, with the intervals of the run, and no name gets through."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import sys

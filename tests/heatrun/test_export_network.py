@@ -1,7 +1,5 @@
 """What stands in prova.mat and network.mat, against hand-made records, and what is refused."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """GNU Octave integrates network.mat as lptn does: each effect alone, several, four nodes."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, replace
 from importlib.resources import files
@@ -123,10 +121,10 @@ TOGETHER = {
     "none, one node": Case("first"),
     "one node": Case("first", ("speed_cooling", "rotor_node", "radiation", "sensor_contact")),
     "order of the sink": Case(
-        effects=("radiation", "coolant_sink", "natural_convection", "bearing_friction"),
+        effects=("radiation", "coolant_sink", "natural_convection", "bearing_friction")
     ),
     "order of the sensor": Case(
-        effects=("end_winding_node", "time_shift", "sensor_gain", "sensor_contact", "sensor_lag"),
+        effects=("end_winding_node", "time_shift", "sensor_gain", "sensor_contact", "sensor_lag")
     ),
     "three nodes more": Case(effects=("rotor_node", "housing_node", "neighbour_body")),
     "uneven": Case(effects=("speed_cooling", "sensor_lag"), record=uneven()),

@@ -3,8 +3,6 @@
 What needs a run stands in `test_export_run.py`, which calibrates one.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The observer of an exported C: a Kalman filter that judges its sensor, within its stated band."""
 
-from __future__ import annotations
-
 import ctypes
 import io
 import re

@@ -1,7 +1,5 @@
 """GNU Octave integrates prova.mat as lptn does, for both orders; skipped where it is absent."""
 
-from __future__ import annotations
-
 import gzip
 import re
 import time

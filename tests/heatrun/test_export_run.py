@@ -1,7 +1,5 @@
 """From a run folder to prova.mat and back, bit for bit; what cannot be exported is refused."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from dataclasses import replace

@@ -4,8 +4,6 @@ Each step is made to fail; some of them cannot be reached where an earlier one f
 stand in tests of their own.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace

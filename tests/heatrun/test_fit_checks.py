@@ -1,7 +1,5 @@
 """What a fit, its priors, its held-out tests and its reduction are told of, and why."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace

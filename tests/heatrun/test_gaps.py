@@ -1,7 +1,5 @@
 """Parts of tests: gaps, cuts, masks and restarts of the logger."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

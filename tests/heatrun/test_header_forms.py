@@ -1,7 +1,5 @@
 """Every unit in every form of header: converted by its own factor or asked for."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np
@@ -20,14 +18,7 @@ from heatrun.record.header import (
     unit_of_cell,
 )
 from heatrun.record.table import Column
-from heatrun.record.units import (
-    QUANTITIES,
-    Unit,
-    find_unit,
-    refusal,
-    require_unit,
-    to_canonical,
-)
+from heatrun.record.units import QUANTITIES, Unit, find_unit, refusal, require_unit, to_canonical
 
 COLUMNS = {
     "time": ("time_s", "Zeit"),

@@ -1,7 +1,5 @@
 """Tests without current or without other losses, and heat to two sinks."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

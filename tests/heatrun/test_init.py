@@ -1,7 +1,5 @@
 """`heatrun init`: from a file that nobody has described to a motor file that reads it."""
 
-from __future__ import annotations
-
 import gzip
 import json
 import re

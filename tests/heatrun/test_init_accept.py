@@ -1,7 +1,5 @@
 """What names `init` knows, `init --accept`, and `calibrate` without a motor file."""
 
-from __future__ import annotations
-
 import io
 import math
 

@@ -1,7 +1,5 @@
 """Which columns `heatrun init` offers for a channel, in which order, and what stands above them."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A load step between two samples: the blocks behind it count for what is not known of it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

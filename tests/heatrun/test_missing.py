@@ -1,7 +1,5 @@
 """What `calibrate` says of a network that misses something, and draws with effects behind them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """The motor file: what it may say, what it may not, and the page that explains it."""
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import json

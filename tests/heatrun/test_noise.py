@@ -1,7 +1,5 @@
 """Noise and unmodelled heat: densities against dense covariances and an independent integration."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 

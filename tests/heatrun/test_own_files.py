@@ -1,7 +1,5 @@
 """heatrun never takes what it has written itself for a test."""
 
-from __future__ import annotations
-
 import gzip
 import json
 import shutil

@@ -1,7 +1,5 @@
 """Networks of a user's own: nodes, losses by speed, and what is refused."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, replace
 from importlib.resources import files

@@ -1,7 +1,5 @@
 """Programs that are kept: under what name, and what they are made anew for."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

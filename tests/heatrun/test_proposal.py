@@ -1,7 +1,5 @@
 """The proposals of the weighted draws draw from the density that they state, and from all of it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Prototypes of one machine: their clocks, their network, and what they are held against."""
 
-from __future__ import annotations
-
 import csv
 import gzip
 import importlib.util

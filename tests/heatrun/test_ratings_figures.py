@@ -1,7 +1,5 @@
 """Derived figures against the formulas of one and two nodes, with effects behind them too."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Headers, signs and spellings: what says two things is asked about, the rest is read."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

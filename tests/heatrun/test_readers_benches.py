@@ -1,7 +1,5 @@
 """Text tables as loggers of many makes write them, in members that `tests/readings` has not."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np
@@ -263,10 +261,7 @@ def test_words_below_the_table_are_no_samples(tmp_path, footer):
     assert [finding.id for finding in record.findings] == ["ragged_rows"]
 
 
-@pytest.mark.parametrize(
-    "preamble",
-    ["Unit 7\n1;2;3\n4;5;6\n", "Channel;Gain;Offset\n1;0.5;0\n\n"],
-)
+@pytest.mark.parametrize("preamble", ["Unit 7\n1;2;3\n4;5;6\n", "Channel;Gain;Offset\n1;0.5;0\n\n"])
 def test_a_preamble_of_numbers_is_not_the_table(tmp_path, preamble):
     text = f"{preamble}t [s];T [degC];I [A]\n" + rows(SECONDS, "{time};{T};{I}")
     path = written(tmp_path, text)

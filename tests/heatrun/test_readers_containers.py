@@ -1,7 +1,5 @@
 """MATLAB files, signals in structs, groups and matrices, and raw bus frames."""
 
-from __future__ import annotations
-
 import struct
 
 import h5py
@@ -26,10 +24,7 @@ def column(values):
     return values[:, None]
 
 
-SERIES = {
-    "coil": {"Time": T, "Data": COIL, "Units": "degC"},
-    "phase": {"Time": T, "Data": PHASE},
-}
+SERIES = {"coil": {"Time": T, "Data": COIL, "Units": "degC"}, "phase": {"Time": T, "Data": PHASE}}
 
 
 def holds_the_run(path, columns):

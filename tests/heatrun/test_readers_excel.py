@@ -1,7 +1,5 @@
 """Excel workbooks: titles, units, merged cells, dates, sheets."""
 
-from __future__ import annotations
-
 import gzip
 import io
 import json

@@ -1,7 +1,5 @@
 """What MDF, TDMS, Excel and Parquet are held to alike: a record of CSV, few channels of many."""
 
-from __future__ import annotations
-
 import gzip
 import json
 import sys

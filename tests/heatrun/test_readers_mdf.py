@@ -1,7 +1,5 @@
 """MDF 4 files: rates, units, groups; unsorted, cut or hostile ones."""
 
-from __future__ import annotations
-
 import struct
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Whatever a table is written like, the same numbers come back; pipes, devices and broken files."""
 
-from __future__ import annotations
-
 import contextlib
 import gzip
 import os

@@ -1,7 +1,5 @@
 """Rows and channels of a table: without a sample, sorted, of one name, each at its own rate."""
 
-from __future__ import annotations
-
 import gzip
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """HDF5, netCDF and Parquet: units, scaling and marks beside the numbers are followed."""
 
-from __future__ import annotations
-
 import h5py
 import numpy as np
 import pandas as pd

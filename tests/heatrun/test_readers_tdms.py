@@ -1,7 +1,5 @@
 """TDMS files: times, scalings, damaged files."""
 
-from __future__ import annotations
-
 import struct
 import tracemalloc
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Text tables as benches write them, one oddity a test."""
 
-from __future__ import annotations
-
 import gzip
 
 import numpy as np

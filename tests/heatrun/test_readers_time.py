@@ -1,7 +1,5 @@
 """Clock times, dates, the day of a test, and the grid behind 32-bit times."""
 
-from __future__ import annotations
-
 import os
 from datetime import datetime
 

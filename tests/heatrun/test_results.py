@@ -1,7 +1,5 @@
 """Results are types: one writer, one reader, and schemas that follow from them."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 import json

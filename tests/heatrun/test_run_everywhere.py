@@ -1,7 +1,5 @@
 """A run of any network with effects goes through every command, with the same numbers."""
 
-from __future__ import annotations
-
 import doctest
 import json
 from pathlib import Path

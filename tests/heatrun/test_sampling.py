@@ -1,7 +1,5 @@
 """Draws, weights and walkers: of the right law, and judged for what they are."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import arviz

@@ -1,7 +1,5 @@
 """Default priors follow the scale of the machine; starts, masses and the quick fit."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

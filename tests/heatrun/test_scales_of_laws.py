@@ -1,7 +1,5 @@
 """Laws of effects are scaled alike in all tests of a machine, also in those that are predicted."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

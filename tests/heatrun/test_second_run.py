@@ -1,7 +1,5 @@
 """A run folder that is there already, was refused, or is taken up; and the work that is told."""
 
-from __future__ import annotations
-
 import json
 import time
 from itertools import pairwise

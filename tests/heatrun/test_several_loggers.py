@@ -1,7 +1,5 @@
 """Tests from unlike loggers, and several sensors of one winding."""
 
-from __future__ import annotations
-
 import re
 
 import jax

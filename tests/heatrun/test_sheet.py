@@ -1,7 +1,5 @@
 """The sheet of a run: what stands on it, and the same bytes whenever it is made."""
 
-from __future__ import annotations
-
 import doctest
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """The winding at switch-off: from readings alone, and with a run as the prior of the cooling."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from xml.etree import ElementTree
@@ -24,13 +22,7 @@ from heatrun.shutdown.cooling import Cooling, UsualModes, _lagged
 from heatrun.shutdown.of_run import _modal, modes_of_run
 from heatrun.shutdown.printed import drawn
 from heatrun.shutdown.readings import Readings, read_readings
-from heatrun.shutdown.result import (
-    _reason,
-    _reduced,
-    allowed_delay_s,
-    by_hand,
-    winding_at_shutdown,
-)
+from heatrun.shutdown.result import _reason, _reduced, allowed_delay_s, by_hand, winding_at_shutdown
 from heatrun.shutdown.sheet import content
 
 COLD, COLD_degC, B, AIR = 0.482, 21.0, 234.5, 23.0

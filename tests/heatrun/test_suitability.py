@@ -1,7 +1,5 @@
 """Whether a record will do, and what comes next; also of a test that cannot be read yet."""
 
-from __future__ import annotations
-
 import gzip
 import json
 import shutil

@@ -1,7 +1,5 @@
 """What commands say: results as text, whole lines, help, and options in any order."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

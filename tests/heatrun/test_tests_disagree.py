@@ -1,7 +1,5 @@
 """Tests between which the machine was changed: the joint fit says so and allows for it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

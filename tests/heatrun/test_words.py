@@ -1,7 +1,5 @@
 """Sentences of the product use the terms of the field; sheets and reports in three languages."""
 
-from __future__ import annotations
-
 import ast
 import json
 import re

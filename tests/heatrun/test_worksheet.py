@@ -1,7 +1,5 @@
 """The published worksheet cell by cell, the printed first order, and every command of the page."""
 
-from __future__ import annotations
-
 import csv
 import io
 import re

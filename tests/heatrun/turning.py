@@ -1,7 +1,5 @@
 """A motor of three bodies whose friction heats the rotor, integrated by SciPy."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.integrate import solve_ivp
 

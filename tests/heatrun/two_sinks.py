@@ -1,7 +1,5 @@
 """A motor that loses heat to a liquid and to the air, integrated by SciPy from its equations."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.integrate import solve_ivp
 

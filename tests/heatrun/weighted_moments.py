@@ -1,7 +1,5 @@
 """Mean and standard deviation of weighted draws, and how far they lie from those of walkers."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -4,8 +4,6 @@ Called as they are, they compile a program for each operation and shape, a hundr
 both ways give the same numbers is asserted in `test_simulate.py` and `test_effects.py`.
 """
 
-from __future__ import annotations
-
 from functools import wraps
 
 import equinox as eqx

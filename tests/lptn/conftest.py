@@ -1,12 +1,5 @@
-from __future__ import annotations
-
-import sys
-from pathlib import Path
-
 import jax
 
-# balances written by hand stand beside the tests as a plain script
-sys.path.insert(0, str(Path(__file__).parent))
 jax.config.update("jax_enable_x64", True)
 
 import jax.numpy as jnp  # noqa: E402

@@ -1,7 +1,5 @@
 """A constant drive: its state matrix by hand, effects of time and of the sensor, refusals."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

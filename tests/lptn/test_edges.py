@@ -1,7 +1,5 @@
 """The simulation at the edge of what parameters and records can be, against SciPy and formulas."""
 
-from __future__ import annotations
-
 import jax.numpy as jnp
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """One contract for every effect of the catalogue: adding a class to `EFFECTS` is enough."""
 
-from __future__ import annotations
-
 import dataclasses
 import inspect
 import re
@@ -17,13 +15,7 @@ from compiled import constant, reading, reference, simulate
 
 import lptn
 from lptn import EFFECTS
-from lptn.effects import (
-    HeatEffect,
-    NodeEffect,
-    SensorEffect,
-    applies,
-    build_all,
-)
+from lptn.effects import HeatEffect, NodeEffect, SensorEffect, applies, build_all
 from lptn.effects import build as build_effect
 from lptn.effects.bodies import NeighbourBody
 from lptn.effects.heat_paths import SpeedCooling

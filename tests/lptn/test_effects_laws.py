@@ -1,7 +1,5 @@
 """The laws of effects worked out by hand, at an instant or as a course; a winding of its own."""
 
-from __future__ import annotations
-
 import math
 
 import equinox as eqx

@@ -1,7 +1,5 @@
 """The networks against closed forms, matrix exponentials and the laws of heat conduction."""
 
-from __future__ import annotations
-
 import doctest
 
 import equinox as eqx
@@ -12,14 +10,7 @@ import pytest
 from compiled import constant, reading, reference, simulate
 
 import lptn
-from lptn import (
-    ALUMINIUM_COEFFICIENT,
-    COPPER_COEFFICIENT,
-    CopperLosses,
-    Drive,
-    Inputs,
-    copper_loss,
-)
+from lptn import ALUMINIUM_COEFFICIENT, COPPER_COEFFICIENT, CopperLosses, Drive, Inputs, copper_loss
 from lptn.stepping import heat_balance, rates
 
 B = lptn.COPPER_COEFFICIENT

@@ -1,7 +1,5 @@
 """What cannot be simulated is refused, with what was expected, what came and the remedy."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

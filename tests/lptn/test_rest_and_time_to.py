@@ -1,7 +1,5 @@
 """Rest, time to a limit and the current at it, against SciPy on hand-written balances."""
 
-from __future__ import annotations
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp

@@ -1,7 +1,5 @@
 """The simulation, and what is folded from it without being stored."""
 
-from __future__ import annotations
-
 from functools import partial
 from itertools import pairwise
 

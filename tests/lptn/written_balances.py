@@ -1,7 +1,5 @@
 """Heat balances of two nodes and a few effects, written out by hand beside the package's own."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lptn import Drive

@@ -6,8 +6,6 @@ capacity, losses and temperature rise at the rated load, speed and torque of the
 drawn by chance from the laws of size.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal

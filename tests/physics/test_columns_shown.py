@@ -1,7 +1,5 @@
 """How each column was read is said wherever a result is: terminal, JSON, sheet and live view."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

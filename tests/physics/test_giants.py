@@ -3,11 +3,9 @@
 One mass each, by the exponential: nothing of the packages under test.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
-from test_units_by_physics import checked
+from heat_runs import checked
 
 from heatrun.checks.suitability import doubts
 from heatrun.record.motor import Motor

@@ -5,8 +5,6 @@ speed and electrical power shows. What is invisible is so in principle, as state
 records, and measured ones where they are at hand, are not asked about.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
@@ -26,9 +24,9 @@ from bench_machines import (
     in_turn,
     outrunner,
 )
+from heat_runs import checked
 
 from heatrun import checks
-from heatrun.checks.sensor import falls_at_once
 from heatrun.checks.which_unit import unit_suspected
 from heatrun.motor.file import load_motor
 from heatrun.readers.align import join
@@ -84,14 +82,6 @@ def as_read(
 def asked(record: Record, motor: Motor) -> list[Finding]:
     with np.errstate(all="ignore"):  # as `check_record` calls its checks
         return list(unit_suspected(record, motor))
-
-
-def checked(record: Record, motor: Motor, id: str) -> list[Finding]:
-    """Return what `check_record` finds under an id; the checks behind that one are not made."""
-    last = next(place for place, check in enumerate(checks.CHECKS) if check.__name__ == id)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(checks, "CHECKS", checks.CHECKS[: last + 1])
-        return [finding for finding in checks.check_record(record, motor) if finding.id == id]
 
 
 def supposed(finding: Finding) -> list[str]:
@@ -350,7 +340,6 @@ def test_watts_under_kilowatts_are_an_error_whatever_the_heading_says(machine, s
 
 def test_minutes_no_longer_look_like_a_sensor_that_came_off():
     record = as_read(made(TRACTION, "load and cool-down"), factors={"time_s": 1.0 / 60.0})
-    assert falls_at_once(record, motor_of(TRACTION)), "the fall within seconds is seen"
     errors = {
         f.id for f in checks.check_record(record, motor_of(TRACTION)) if f.severity == "error"
     }

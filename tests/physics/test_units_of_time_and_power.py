@@ -4,8 +4,6 @@ On the machines of `bench_machines`, with an inverter before them where the reco
 on machines that nobody chose: none is asked about when all is right, most when a unit is wrong.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

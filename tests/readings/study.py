@@ -3,8 +3,6 @@
 python tests/readings/study.py [--results results/readings] [--table table.md] [--list]
 """
 
-from __future__ import annotations
-
 import argparse
 import datetime
 import platform
@@ -13,10 +11,6 @@ import tempfile
 from collections import Counter
 from importlib.metadata import version
 from pathlib import Path
-
-from scipy.stats import beta
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 from reading_corpus.case import Truth
 from reading_corpus.corpus import corpus
@@ -32,6 +26,7 @@ from reading_corpus.oracle import (
     Outcome,
     judge,
 )
+from scipy.stats import beta
 
 COLUMNS = (RIGHT, REFUSED, ASKED, WARNED, SHOWN, NEEDLESS, MISREAD, TRACEBACK)
 EXPLAINED = """

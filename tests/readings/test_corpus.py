@@ -1,7 +1,5 @@
 """Every file of the corpus: none is misread in silence, none ends in a traceback, few are asked."""
 
-from __future__ import annotations
-
 import tempfile
 from collections import Counter
 from functools import cache

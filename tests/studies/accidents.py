@@ -8,22 +8,18 @@ use those from there on. `accidents.py --seed 1000 --clean 12 --each 2 --out FOL
 look; a run that was cut short goes on where it was.
 """
 
-from __future__ import annotations
-
-import sys
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 import numpy as np
 import pandas as pd
 from gate_rows import limits_95
 from ordinary_machines import COIL, KINDS, PER_KELVIN, Columns, make
-from study_runs import Row, options_of, run_study, write_rows
+from study_runs import Row, options_of, run_study
 
 from heatrun.checks import check_record
 from heatrun.motor.file import load_motor
@@ -361,12 +357,7 @@ USUAL = {
 
 
 def run(job: Row, folder: Path) -> Row:
-    """Return the row of a case: its findings as id, severity, text and moment.
-
-    Args:
-        job: Its `accident` (empty for a clean record) and `seed`.
-        folder: Where it is written.
-    """
+    """Return the row of a case: its findings as id, severity, text and moment."""
     kinds = list(KINDS)
     accident = ACCIDENTS.get(job["accident"])
     if accident is not None and not accident.on_coil:
@@ -464,13 +455,8 @@ def main() -> None:
     options = options_of(__doc__, "accidents", REPORTING_SEED, clean=240, each=6).parse_args()
     names = [""] * options.clean + [name for name in ACCIDENTS for _ in range(options.each)]
     jobs = [{"accident": name, "seed": options.seed + n} for n, name in enumerate(names)]
-
-    def write(rows: list[Row]) -> None:
-        write_rows(options.out / "study.json", rows, seed=options.seed, planned=len(jobs),
-                   command="make study-accidents")  # fmt: skip
-        (options.out / "table.md").write_text(table(rows, options.seed), encoding="utf-8")
-
-    print(table(run_study(options, jobs, struck, write), options.seed))
+    page = partial(table, seed=options.seed)
+    print(page(run_study(options, jobs, struck, page, command="make study-accidents")))
 
 
 if __name__ == "__main__":

@@ -1,7 +1,5 @@
 """The simulated bench of `data/synthetic`, which is no part of the packages, for the studies."""
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import sys

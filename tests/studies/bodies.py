@@ -6,18 +6,15 @@ that motor and generate, a heater alone, a coil alone, tests of minutes on machi
 reports use seeds from there on, each once.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 import numpy as np
 from bodies_cases import KINDS, jobs, run
 from gate_rows import at_least, at_most, heads, in_band, limits_95
-from study_runs import Row, options_of, run_study, write_rows
+from study_runs import Row, options_of, run_study
 
 REPORTING_SEED = 400_000
 
@@ -251,22 +248,15 @@ def _sentence(row: Row) -> str:
 
 
 def main() -> None:
-    """Run the study."""
     parser = options_of(__doc__, "bodies", REPORTING_SEED, repeats=100)
     parser.add_argument("--kinds", nargs="+", choices=list(KINDS), default=list(KINDS),
                         help="records of these kinds only")  # fmt: skip
-    parser.add_argument("--resume", action="store_true", help="go on behind the rows in --out")
     options = parser.parse_args()
     listed = jobs(options.seed, options.repeats)
     command = " ".join([Path(sys.argv[0]).name, *sys.argv[1:]])
-
-    def write(rows: list[Row]) -> None:
-        write_rows(options.out / "study.json", rows, seed=options.seed, planned=len(listed))
-        text = table(rows, command, options.seed, len(listed))
-        (options.out / "table.md").write_text(text, encoding="utf-8")
-
     left = [job for job in listed if job["kind"] in options.kinds]
-    run_study(options, left, run, write, goes_on=options.resume)
+    page = partial(table, command=command, seed=options.seed, planned=len(listed))
+    run_study(options, left, run, page)
 
 
 if __name__ == "__main__":

@@ -4,8 +4,6 @@ Loads are staircases, drive cycles, short tests, heaters. Each case is written a
 motor file, goes through the command, and is read back from its run folder.
 """
 
-from __future__ import annotations
-
 import tempfile
 import time
 from collections.abc import Callable

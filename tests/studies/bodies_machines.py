@@ -6,8 +6,6 @@ have errors drawn from what is declared of them; noise of the sensors is correla
 readings are rounded to 0.1 K, and the losses wander by 0.2 %, which no prior knows of.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 

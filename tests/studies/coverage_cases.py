@@ -1,7 +1,5 @@
 """The cells of the coverage study: what is drawn, what the fit is told, one row per record."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -341,18 +339,9 @@ def _judged(
 
 
 def bound(
-    problem: Problem,
-    true: Mapping[str, float],
-    noise: SensorNoise,
-    start_degC: tuple[float, float],
+    problem: Problem, true: Mapping[str, float], noise: SensorNoise, start_degC: tuple[float, float]
 ) -> dict[str, float]:
     """Return the smallest standard deviation of the logarithm of each network parameter [1].
-
-    Args:
-        problem: Model and the one test.
-        true: True values by parameter name.
-        noise: True noise; its variance counts, not its tails.
-        start_degC: True temperatures of winding and stator at the start.
 
     Reference: H. L. Van Trees, Detection, Estimation, and Modulation Theory, part I, section 2.4
         (the bound with prior information).

@@ -1,7 +1,5 @@
 """What the rows of the coverage study say: coverage with its binomial limits, ranks, gates."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path

@@ -6,20 +6,16 @@ the heat that a network misses had a prior). Rows go to a file as they come; a r
 goes on from there.
 """
 
-from __future__ import annotations
-
 import gzip
 import json
 import os
 import platform
-import sys
 from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # the arrays are small; threads only wait
-sys.path.insert(0, str(Path(__file__).parent))
 
 import numpy as np
 from coverage_gates import (
@@ -117,7 +113,6 @@ MISSES = """\
 
 
 def main() -> None:
-    """Run the study."""
     parser = options_of(__doc__, "coverage", REPORTING_SEED)
     parser.add_argument("--only", choices=NUM_RECORDS, help="this cell alone")
     parser.add_argument("--share", type=float, default=1.0, help="of the records of each cell")
@@ -170,12 +165,7 @@ def jobs(seed: int, share: float) -> Iterator[Row]:
 
 
 def write(
-    rows: list[Row],
-    found: list[Row],
-    out: Path,
-    words: str,
-    seed: int,
-    planned: int,
+    rows: list[Row], found: list[Row], out: Path, words: str, seed: int, planned: int
 ) -> None:
     """Write rows, gates, summary, table and figures; `words` are those of the command."""
     rows = sorted(rows, key=lambda row: (list(NUM_RECORDS).index(row["cell"]), row["index"]))

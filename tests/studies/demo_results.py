@@ -4,8 +4,6 @@ Runs the commands on bundled data and keeps their documents in `results/demo/`, 
 commands.
 """
 
-from __future__ import annotations
-
 import argparse
 import shutil
 import subprocess

@@ -6,22 +6,19 @@ below 50000 were used to set thresholds; reports use seeds from 110000 on, once 
 90000 and 100000 were reported before; of 80000 one case was looked at and changed the code).
 """
 
-from __future__ import annotations
-
 import sys
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 import numpy as np
 from discovery_cases import jobs, run
 from gate_rows import heads, limits_95
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from study_runs import Row, options_of, run_study, write_rows
+from study_runs import Row, options_of, run_study
 
 REPORTING_SEED = 110_000
 
@@ -155,10 +152,8 @@ def _figure(what: str, wanted: str, values: Sequence[float], reduce: Any) -> Row
 
 
 def main() -> None:
-    """Run the study."""
     counts = {"repeats": 1, "clean": 8, "unknown": 4, "pairs": 4}
     parser = options_of(__doc__, "discovery", REPORTING_SEED, **counts)
-    parser.add_argument("--resume", action="store_true", help="go on behind the rows in --out")
     options = parser.parse_args()
     listed = jobs(options.seed, options.repeats, options.clean, options.unknown, options.pairs)
 
@@ -167,21 +162,17 @@ def main() -> None:
         words = f"{row['order']} {row['group']} {hidden}: {row['verdict']} {names}"
         return f"{words} {row['seconds']:.0f} s {row['failure'][-200:]}"
 
-    def write(rows: list[Row]) -> None:
+    def more(rows: list[Row]) -> Row:
         for row in rows:  # the first one that was finished began cold
             row.setdefault("place", sum("place" in each for each in rows))
-        command = " ".join(sys.argv)
-        found = gates(rows)
-        write_rows(options.out / "study.json", rows, seed=options.seed, planned=len(listed),
-                   gates=found)  # fmt: skip
-        text = table(rows, found, command, options.seed, len(listed))
-        (options.out / "table.md").write_text(text, encoding="utf-8")
         _confusion(rows, options.out / "confusion.png")
+        return {"gates": gates(rows)}
 
-    run_study(options, listed, run, write, said=said, goes_on=options.resume, tasks=10**6)
+    page = partial(table, command=" ".join(sys.argv), seed=options.seed, planned=len(listed))
+    run_study(options, listed, run, page, more=more, said=said, tasks=10**6)
 
 
-def table(rows: list[Row], found: list[Row], command: str, seed: int, planned: int) -> str:
+def table(rows: list[Row], command: str, seed: int, planned: int) -> str:
     """Return the tables in Markdown."""
     lines = [
         "# Discovery on benches with hidden causes",
@@ -195,7 +186,7 @@ def table(rows: list[Row], found: list[Row], command: str, seed: int, planned: i
         "",
         *heads("what | gate | measured | cases | 95 % limits | "),
     ]
-    for gate in found:
+    for gate in gates(rows):
         value, limits = gate["measured"], gate["limits_95"]
         is_share = gate["kind"] == "share"
         text = "–" if value is None else f"{100 * value:.1f} %" if is_share else f"{value:.2f}"

@@ -4,8 +4,6 @@ Each case is written to disk as a bench would leave it (CSV files and a motor fi
 `heatrun discover` down to its run folder, and is read back from `discovery.json`.
 """
 
-from __future__ import annotations
-
 import json
 import tempfile
 import time

@@ -4,8 +4,6 @@ Part of `make study-discovery`. Nothing compiled is kept between the runs: the c
 user is another, empty one.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import platform
@@ -16,9 +14,6 @@ import time
 from pathlib import Path
 
 import pandas as pd
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from bench_package import hidden_bench
 
 SEED = 77

@@ -7,17 +7,14 @@ weights give the evidence without bias; where their guard fails, or where the pa
 unmodelled heat than the search had, the pair does not count and is said.
 """
 
-from __future__ import annotations
-
 import math
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from ordinary_machines import KINDS, make, write_case
-from study_runs import options_of, run_study, write_rows
+from study_runs import Row, options_of, run_study
 
 from heatrun.calibration import load_tests, with_scales_of
 from heatrun.effects.found import as_fit, find
@@ -33,8 +30,6 @@ SEED = 8_000
 CLOSE = 3.0
 """Error of a log Bayes factor that turns no decision [nat]: below what one effect costs by its odds
 and its parameters."""
-
-Row = dict[str, Any]
 
 
 def run(job: Row) -> Row:
@@ -109,17 +104,11 @@ def table(rows: Sequence[Row]) -> str:
 
 
 def main() -> None:
-    """Run the study."""
     options = options_of(__doc__, "ordinary", SEED, cases=6).parse_args()
     jobs = [{"kind": list(KINDS)[place % len(KINDS)], "seed": options.seed + place}
             for place in range(options.cases)]  # fmt: skip
-
-    def write(rows: list[Row]) -> None:
-        write_rows(options.out / "evidence.json", rows, seed=options.seed,
-                   planned=options.cases)  # fmt: skip
-        (options.out / "evidence.md").write_text(table(rows), encoding="utf-8")
-
-    run_study(options, jobs, run, write, named="evidence.json", said=lambda row: row["effects"])
+    run_study(options, jobs, run, table, files=("evidence.json", "evidence.md"),
+              said=lambda row: row["effects"])  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -7,8 +7,6 @@ predicted by a network that was calibrated on others; of a profile that is predi
 without it, nothing is done.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tempfile
@@ -150,11 +148,6 @@ def profiles(file: Path) -> dict[int, pd.DataFrame]:
 
 def training(wanted: str, parts: dict[int, pd.DataFrame], tests: Sequence[int]) -> tuple[int, ...]:
     """Return the profiles of a training set.
-
-    Args:
-        wanted: As `--train`.
-        parts: All profiles by id.
-        tests: Those that are held out.
 
     Raises:
         SystemExit: If a profile is not in the file, or would be fitted and predicted.

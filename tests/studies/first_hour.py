@@ -7,8 +7,6 @@ would take it: the numbers that the motor file asks for are put in, and a column
 draft took another. Writes commands, seconds, typed lines and results to `results/first_hour/`.
 """
 
-from __future__ import annotations
-
 import argparse
 import datetime
 import json
@@ -205,11 +203,6 @@ MOST_COMMANDS, MOST_LINES = 3, 5
 def edited(draft: str, missing: Sequence[Mapping[str, Any]], handed: Handed) -> tuple[str, list]:
     """Return a drafted motor file as a person completes it, and the lines that were typed.
 
-    Args:
-        draft: As `heatrun init --accept` wrote it.
-        missing: What it says is missing, from its `--json`.
-        handed: What the person knows.
-
     Raises:
         ValueError: If it asks for what the person does not know.
     """
@@ -288,12 +281,7 @@ def run(kind: str, folder: Path) -> dict[str, Any]:
 
 
 def entry_of(found: dict[str, Any], truth: float) -> dict[str, Any]:
-    """Return what the table says of a parameter, its numbers as the certificate prints them.
-
-    Args:
-        found: The parameter as it stands in `fit.json`.
-        truth: Its true value, in the same unit.
-    """
+    """Return what the table says of a parameter, its numbers as the certificate prints them."""
     entry = msgspec.convert(found, FittedParameter)
     return {
         "value": entry.value,

@@ -5,11 +5,8 @@ from `SEED` on. Each fleet goes the user's way: fleet command, its folder, popul
 Rows go to a file as they come; a run that was cut short goes on from there.
 """
 
-from __future__ import annotations
-
 import json
 import os
-import sys
 import tempfile
 import time
 from argparse import Namespace
@@ -17,12 +14,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small; threads only wait
-sys.path.insert(0, str(Path(__file__).parent))
 
 import numpy as np
 from fleet_cases import NAMES, SHORT_MIN, Fleet, draw_fleet, write_fleet
 from gate_rows import at_least, at_most, covered, heads, rms, times_better
-from study_runs import Row, options_of, run_study, write_rows
+from study_runs import Row, options_of, run_study
 
 import heatrun
 from heatrun import cli
@@ -130,20 +126,17 @@ def _machines(fleet: Fleet, table: list[Row]) -> list[Row]:
 
 
 def main() -> None:
-    """Run the study."""
     options = fleet_options(__doc__, SEED, fleets=10, machines=200)
     size = {"machines": options.machines, "workers": options.workers}
     jobs = [{"seed": options.seed + number, **size} for number in range(options.fleets)]
+    files = "population_rows.json", "population.md"
 
-    def write(rows: list[Row]) -> None:
-        path = options.out / "population_rows.json"
-        write_rows(path, rows, seed=options.seed, planned=options.fleets)
-        one_stage = options.out / "one_stage.json"
+    def page(rows: list[Row]) -> str:
+        one_stage, said = (options.out / name for name in ("one_stage.json", files[0]))
         compared = json.loads(one_stage.read_text()) if one_stage.exists() else None
-        text = table(rows, compared, json.loads(path.read_text(encoding="utf-8")))
-        (options.out / "population.md").write_text(text, encoding="utf-8")
+        return table(rows, compared, json.loads(said.read_text(encoding="utf-8")))
 
-    run_study(options, jobs, run, write, named="population_rows.json", same="machines")
+    run_study(options, jobs, run, page, files=files, same="machines")
 
 
 def fleet_options(doc: str | None, seed: int, **counts: int) -> Namespace:
@@ -155,13 +148,7 @@ def fleet_options(doc: str | None, seed: int, **counts: int) -> Namespace:
 
 
 def table(rows: Sequence[Row], one_stage: Row | None, said: Row) -> str:
-    """Return the tables in Markdown.
-
-    Args:
-        rows: The fleets.
-        one_stage: Of `fleet_one_stage.py`; None where it was not run.
-        said: `seed`, `planned`, `command` and `versions` of the rows.
-    """
+    """Return the tables in Markdown."""
     machines = [each for row in rows for each in row["machines_found"]]
     num = sum(row["machines"] for row in rows)
     lines = [

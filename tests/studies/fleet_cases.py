@@ -4,8 +4,6 @@ Independent of heatrun and lptn: two nodes by NumPy, integrated after Runge and 
 machines at once, and written as the text files that a bench would leave.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -116,13 +114,7 @@ def draw_fleet(seed: int, num: int, *, outliers: float = OUTLIERS, short: float 
 
 
 def write_fleet(fleet: Fleet, folder: Path, seed: int) -> Path:
-    """Write motor file, tests, table of machines and fleet file; return the last.
-
-    Args:
-        fleet: The machines.
-        folder: Where they go; made.
-        seed: Random seed of loads, instruments and noise.
-    """
+    """Write motor file, tests, table of machines and fleet file; return the last."""
     rows, tests = [], []
     for place, name in enumerate(fleet.machines):
         supplier = "south" if fleet.is_south[place] else "north"
@@ -140,15 +132,7 @@ def write_bench(
     folder: Path, motor: str, fleet: str, table: Sequence[str],
     tests: Iterable[tuple[str, Mapping[str, np.ndarray]]],
 ) -> Path:  # fmt: skip
-    """Write motor file, tests, table of machines and fleet file; return the last.
-
-    Args:
-        folder: Where they go; made.
-        motor: Text of the motor file.
-        fleet: Its name.
-        table: Lines of the table of machines.
-        tests: Name and columns of each.
-    """
+    """Write motor file, tests, table of machines and fleet file; return the last."""
     (folder / "tests").mkdir(parents=True, exist_ok=True)
     (folder / "motor.toml").write_text(motor)
     for name, columns in tests:

@@ -7,8 +7,6 @@ stated standard deviations for all machines. Each machine is fitted, its evidenc
 out, and the fleet searched as `heatrun fleet --discover` does. It goes on where it was stopped.
 """
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Sequence
 from functools import partial
@@ -17,7 +15,7 @@ from pathlib import Path
 import fleet_of_hidden_causes as hidden_fleet
 import numpy as np
 from gate_rows import limits_95
-from study_runs import Row, options_of, run_study, write_rows
+from study_runs import Row, options_of, run_study
 
 from heatrun.fit.fit import fit
 from heatrun.fit.fit_result import RESULT, Fit
@@ -87,7 +85,7 @@ def run(case: Row, cache: Path | None = None) -> Row:
             kept.write_bytes(pickle.dumps(evidence))
     found = discover_type("A", evidence, THERMAL, seed=case["seed"])
     top = max(found.screened, key=lambda each: each.statistic)
-    return {
+    row = {
         **{key: case[key] for key in ("kind", "name", "num", "seed")},
         "amplitude": amplitude,
         "num_machines": found.num_machines,
@@ -95,10 +93,11 @@ def run(case: Row, cache: Path | None = None) -> Row:
         "verdict": found.verdict,
         "critical": found.critical,
         "top": [top.id, top.statistic],
-        "effects": to_plain(found.effects),
-        "traces": to_plain(found.traces),
-        "could_show_K": float(np.median([e.could_show_K for e in found.screened])),
+        "effects": found.effects,
+        "traces": found.traces,
+        "could_show_K": np.median([e.could_show_K for e in found.screened]),
     }
+    return to_plain(row)
 
 
 def evidence_of_fleet(tests: Sequence[Sequence[dict[str, np.ndarray]]]) -> list[Evidence]:
@@ -187,15 +186,12 @@ def table(rows: list[Row]) -> list[str]:
     return lines
 
 
-def write(rows: list[Row], out: Path, planned: int) -> None:
-    """Write the figures and the page."""
-    write_rows(
-        out / "discovery.json", to_plain(rows), seed=FIRST_SEED, planned=planned, command=COMMAND
-    )
+def page(rows: list[Row], planned: int) -> str:
+    """Return the page of the study."""
     size = [e["size"]["value"] / row["amplitude"] for row in rows if row["kind"] == "hidden"
             for e in row["effects"] if e["id"] == row["name"]]  # fmt: skip
     show = np.median([row["could_show_K"] for row in rows if row["kind"] == "clean"] or [np.nan])
-    page = [
+    lines = [
         "# Effects that the machines of a fleet share",
         "",
         f"`{COMMAND}`, seeds from {FIRST_SEED}, {len(rows)} of {planned} fleets; "
@@ -210,11 +206,11 @@ def write(rows: list[Row], out: Path, planned: int) -> None:
         f"{NUM} machines together would show half of the catalogue from {show:.3f} K on.",
     ]
     if size:
-        page.append(
+        lines.append(
             f"Found sizes over hidden ones (other laws than the catalogue's): {np.min(size):.2f} "
             f"to {np.max(size):.2f}, median {np.median(size):.2f}."
         )
-    (out / "discovery.md").write_text("\n".join(page) + "\n")
+    return "\n".join(lines) + "\n"
 
 
 def main() -> None:
@@ -231,8 +227,9 @@ def main() -> None:
         effects = [effect["id"] for effect in row["effects"]]
         return f"{row['kind']} {row['name']} {row['num']} {row['verdict']} {effects}"
 
-    run_study(options, listed, partial(run, cache=options.cache), said=said, named="discovery.json",
-              write=lambda rows: write(rows, options.out, len(listed)))  # fmt: skip
+    shown = partial(page, planned=len(listed))
+    run_study(options, listed, partial(run, cache=options.cache), shown,
+              files=("discovery.json", "discovery.md"), command=COMMAND, said=said)  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -5,18 +5,14 @@ those from `SEED` on. Each fleet goes the user's way: fleet, population, and the
 go to a file as they come; a run that was cut short goes on from there.
 """
 
-from __future__ import annotations
-
 import json
 import os
-import sys
 import tempfile
 import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small; threads only wait
-sys.path.insert(0, str(Path(__file__).parent))
 
 import numpy as np
 from fleet import fleet_options, population_of, rows_of
@@ -31,7 +27,7 @@ from fleet_noise_cases import (
     write_noisy_fleet,
 )
 from gate_rows import at_least, at_most, covered, heads, percent_95, rms, times_better
-from study_runs import Row, run_study, write_rows
+from study_runs import Row, run_study
 
 import heatrun
 
@@ -161,7 +157,6 @@ def _machine(fleet: NoisyFleet, row: Row) -> Row:
 
 
 def main() -> None:
-    """Run the study."""
     options = fleet_options(__doc__, SEED, fleets=12, machines=50)
     size = {"machines": options.machines, "workers": options.workers}
     jobs = [
@@ -169,23 +164,13 @@ def main() -> None:
          "heat": HEATS[number // 2 % 2]}
         for number in range(options.fleets)
     ]  # fmt: skip
-
-    def write(rows: list[Row]) -> None:
-        path = options.out / "noise_rows.json"
-        write_rows(path, rows, seed=options.seed, planned=options.fleets)
-        text = table(rows, json.loads(path.read_text(encoding="utf-8")))
-        (options.out / "noise.md").write_text(text, encoding="utf-8")
-
-    run_study(options, jobs, run, write, named="noise_rows.json", same="machines")
+    files = "noise_rows.json", "noise.md"
+    page = lambda rows: table(rows, json.loads((options.out / files[0]).read_bytes()))  # noqa: E731
+    run_study(options, jobs, run, page, files=files, same="machines")
 
 
 def table(rows: Sequence[Row], said: Row) -> str:
-    """Return the tables in Markdown.
-
-    Args:
-        rows: The fleets.
-        said: `seed`, `planned`, `command` and `versions` of the rows.
-    """
+    """Return the tables in Markdown."""
     machines = [each for row in rows for each in row["machines_found"]]
     of_type = [each for row in rows for each in row["type"]]
     with_effect = sum(row["has_effect"] for row in rows)

@@ -5,8 +5,6 @@ that nobody measures. That heat is smoother than the Gauss-Markov process that h
 a random force through two lags, whose time is another in each machine.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,9 +20,7 @@ from fleet_cases import (
     slowly,
     write_bench,
 )
-from fleet_cases import (
-    MOTOR as TYPE,
-)
+from fleet_cases import MOTOR as TYPE
 
 NOISE = ("noise_sd", "noise_time", "noise_white", "unmodelled_heat")
 NOISE_CENTRE = np.array([0.15, 45.0, 0.04, 1.0])

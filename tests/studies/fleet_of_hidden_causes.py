@@ -7,8 +7,6 @@ Instruments of the bench are off by the same amount for all machines of a fleet;
 errors of its own sensor beside them.
 """
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

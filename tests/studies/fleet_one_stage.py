@@ -9,8 +9,6 @@ only how soon they are enough. The responses to unmodelled heat are those at eac
 Reference: M. D. Hoffman, A. Gelman, The No-U-Turn Sampler, JMLR 15 (2014) 1593-1623.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os
@@ -23,7 +21,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-sys.path.insert(0, str(Path(__file__).parent))
 
 import heatrun.runtime
 

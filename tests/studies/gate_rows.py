@@ -1,7 +1,5 @@
 """Rows of Markdown tables: measured shares against their gates, with their 95 % limits."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -6,8 +6,6 @@ A room is a folder with an `__init__.py`. Code is what is left of the lines with
 and docstrings. `--profile` adds what a `calibrate --quick` of bundled data enters.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import contextlib

@@ -5,8 +5,6 @@
 Needs Chromium. Prints a line a minute and writes `follow.json` and a screenshot into the folder.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os
@@ -17,8 +15,6 @@ import tempfile
 import time
 from pathlib import Path
 from typing import Any
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 from view_speed import ROOT, resident_MB, viewed
 

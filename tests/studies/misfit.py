@@ -6,17 +6,11 @@ a held-out test hold. Reports use seeds from 260000 on, each once; those below w
 findings, intervals and effects were made, or reported before.
 """
 
-from __future__ import annotations
-
-import sys
 from collections import Counter
 from collections.abc import Sequence
-from pathlib import Path
+from functools import partial
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from gate_rows import at_least, at_most, heads, in_band
 from misfit_cases import (
     KINDS,
@@ -29,7 +23,7 @@ from misfit_cases import (
     jobs,
     run,
 )
-from study_runs import Row, options_of, run_study, write_rows
+from study_runs import Row, options_of, run_study
 
 REPORTING_SEED = 260_000
 
@@ -40,19 +34,12 @@ USES = ("usable", "restricted", "not usable")
 
 
 def main() -> None:
-    """Run the study."""
     parser = options_of(__doc__, "misfit", REPORTING_SEED, repeats=9, clean=60)
-    parser.add_argument("--resume", action="store_true", help="go on behind the rows in --out")
     options = parser.parse_args()
     listed = jobs(options.seed, options.repeats, options.clean)
     words = f"misfit.py --repeats {options.repeats} --clean {options.clean}"
-
-    def write(rows: list[Row]) -> None:
-        write_rows(options.out / "study.json", rows, seed=options.seed, planned=len(listed))
-        text = table(rows, words, options.seed, len(listed))
-        (options.out / "table.md").write_text(text, encoding="utf-8")
-
-    run_study(options, listed, run, write, goes_on=options.resume)
+    page = partial(table, command=words, seed=options.seed, planned=len(listed))
+    run_study(options, listed, run, page)
 
 
 def table(rows: Sequence[Row], command: str, seed: int, planned: int) -> str:

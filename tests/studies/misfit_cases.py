@@ -6,8 +6,6 @@ Each case is written as CSV files and a motor file, goes through the command, an
 its run folder.
 """
 
-from __future__ import annotations
-
 import tempfile
 import time
 from pathlib import Path

@@ -12,21 +12,18 @@ The seed says kind and half. Those from 6000 on are for tuning, 96000 to 96056 w
 next report uses those from 96057 on.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import shutil
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # the arrays are small; threads only wait
-sys.path.insert(0, str(Path(__file__).parent))
 
 import numpy as np
 from gate_rows import at_least, heads, in_band, percent_95
@@ -48,7 +45,7 @@ from ordinary_machines import (
     write_case,
 )
 from scipy.stats import chi2
-from study_runs import Row, command, options_of, run_study, write_rows
+from study_runs import Row, command, options_of, run_study
 
 REPORTING_SEED = 96_057
 
@@ -417,19 +414,13 @@ def table(rows: Sequence[Row], seed: int) -> str:
 
 
 def main() -> None:
-    """Run the study."""
     parser = options_of(__doc__, "observer", REPORTING_SEED, machines=20, tests=10, hours=60)
     parser.add_argument("--keep", default="", help="folder of the runs")
     options = parser.parse_args()
     words = " ".join(f"--{n} {getattr(options, n)}" for n in ("machines", "tests", "hours"))
     listed = jobs(options.seed, options.machines, options.tests, options.hours, options.keep)
-
-    def write(rows: list[Row]) -> None:
-        write_rows(options.out / "study.json", rows, seed=options.seed, planned=len(listed),
-                   command=f"make study-observer ({words})")  # fmt: skip
-        (options.out / "table.md").write_text(table(rows, options.seed), encoding="utf-8")
-
-    run_study(options, listed, run, write, tasks=1000)
+    run_study(options, listed, run, partial(table, seed=options.seed), tasks=1000,
+              command=f"make study-observer ({words})")  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -6,8 +6,6 @@ minutes at a time, and a start 30 K wrong. (The cooling alone tells no machine.)
 part of the project (`../shared/bench`): without it nothing is done.
 """
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 
@@ -31,7 +29,6 @@ INPUTS = ("phase_current_A", "losses_W", "coolant_degC", "speed_rpm")
 
 
 def main() -> None:
-    """Run the study."""
     found = paderborn_record(__doc__ or "", "observer")
     if found is None:
         return

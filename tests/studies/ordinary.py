@@ -6,9 +6,6 @@ to a file as they come; a run that was killed goes on from there. Seed 8000 is f
 use seed 92000 (80000 to 91019 were looked at).
 """
 
-from __future__ import annotations
-
-import argparse
 import json
 import os
 import re
@@ -16,26 +13,23 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # the arrays are small; threads only wait
-sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[1] / "heatrun"))
 
 import numpy as np
 from gate_rows import at_least, at_most
-from misfit_cases import command
 from ordinary_machines import KINDS, Case, make, resistance, structure_fitted, write_case
 from page_numbers import said_and_simulated
-from study_runs import rows_as_they_come, write_rows
+from study_runs import Row, command, options_of, run_study
 
-TUNING_SEED, REPORTING_SEED = 8_000, 95_000
+REPORTING_SEED = 95_000
+"""Tuning used those from 8000 on."""
 
 IN_SET = 0.1
 """Probability from which on an effect that may be missing is told, and counts as in the set [1]."""
-
-Row = dict[str, Any]
 
 
 def page_invariant(run_folder: Path) -> bool:
@@ -355,39 +349,22 @@ def look(seed: int, num: int) -> int:
 
 
 def main() -> None:
-    """Run the study."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=REPORTING_SEED, help=f"tuning: {TUNING_SEED}")
-    parser.add_argument("--cases", type=int, default=72)
+    parser = options_of(__doc__, "ordinary", REPORTING_SEED, cases=72, look=0)
     parser.add_argument("--kind", nargs="+", choices=list(KINDS), default=list(KINDS))
     parser.add_argument("--discover", type=float, default=0.0, help="share of the cases [1]")
-    parser.add_argument("--processes", type=int, default=1)
-    parser.add_argument("--minutes", type=float, default=float("inf"), help="none begins later")
-    parser.add_argument("--look", type=int, default=0, help="print so many of each kind, no more")
-    parser.add_argument("--out", type=Path, default=Path("results") / "ordinary")
     options = parser.parse_args()
-    if options.look:
+    if options.look:  # print so many of each kind, no more
         sys.exit(look(options.seed, options.look) > 0)
-    options.out.mkdir(parents=True, exist_ok=True)
-    path = options.out / f"rows-{options.seed}.partial.jsonl"
     listed = jobs(options.seed, options.cases, options.kind, options.discover)
-    rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
-    done = {row["seed"] for row in rows}
-    left = [job for job in listed if job["seed"] not in done]
-    pool = {"processes": options.processes, "minutes": options.minutes, "tasks": 4}
-    for finished in rows_as_they_come(left, run, **pool):
-        for row in finished:
-            rows.append(row)
-            with path.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(row) + "\n")
-            said = row["calibrate"]
-            words = f"{said.get('use', said['exit_code'])}, {said['processor_s']:.0f} s"
-            print(f"{len(rows)}/{len(listed)} {row['kind']} {row['seed']}: {words}", flush=True)
-    rows.sort(key=lambda row: row["seed"])
     words = f"--seed {options.seed} --cases {options.cases} --discover {options.discover:g}"
-    (options.out / "table.md").write_text(table(rows, words, len(listed)), encoding="utf-8")
-    if len(rows) >= len(listed):
-        write_rows(options.out / "study.json", rows, seed=options.seed, planned=len(listed))
+
+    def said(row: Row) -> str:
+        found = row["calibrate"]
+        use = found.get("use", found["exit_code"])
+        return f"{row['kind']} {row['seed']}: {use}, {found['processor_s']:.0f} s"
+
+    page = partial(table, words=words, planned=len(listed))
+    run_study(options, listed, run, page, said=said, tasks=4)
 
 
 if __name__ == "__main__":

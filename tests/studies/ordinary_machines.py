@@ -6,8 +6,6 @@ itself without each of its imperfections, so that the kelvins that each makes al
 same march, driven by what the bench reads, is fitted to it: what the true structure would predict.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

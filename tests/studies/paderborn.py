@@ -8,8 +8,6 @@ with networks of more nodes, in which tooth and yoke are nodes of their own. The
 of the project: without it, nothing is done.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 from itertools import combinations
@@ -65,7 +63,6 @@ reference_temperature_degC = 70.0
 
 
 def main() -> None:
-    """Run the study."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--record", type=Path, default=RECORD)
     parser.add_argument("--out", type=Path, default=Path("results") / "real")
@@ -92,15 +89,7 @@ def main() -> None:
 def calibrated(
     record: pd.DataFrame, part: str, sensors: str, network: str, folder: Path
 ) -> heatrun.Run:
-    """Return the run of one part, as read back from its folder.
-
-    Args:
-        record: The recording.
-        part: Which part of it.
-        sensors: What the motor file says of measured bodies.
-        network: As `--model`.
-        folder: Where the files go.
-    """
+    """Return the run of one part, as read back from its folder."""
     first, last = PARTS[part]
     chosen = record[(record.time_s >= first) & (record.time_s < last)]
     motor, test = folder / "motor.toml", folder / f"{part}.csv"

@@ -5,8 +5,6 @@ fitted and held out. The records are not part of the project (`../shared/bench`)
 is left out.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 import time
@@ -132,10 +130,6 @@ class Row:
 def paderborn_record(description: str, out: str) -> tuple[pd.DataFrame, Path] | None:
     """Return the record of profile 24 and the folder of the results, as the options of a study say;
     None, with a word, where the record is not at hand.
-
-    Args:
-        description: Of the study.
-        out: Its folder under `results`.
     """
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--bench", type=Path, default=BENCH)
@@ -148,7 +142,6 @@ def paderborn_record(description: str, out: str) -> tuple[pd.DataFrame, Path] | 
 
 
 def main() -> None:
-    """Run the study."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bench", type=Path, default=BENCH)
     parser.add_argument("--out", type=Path, default=Path("results") / "real")

@@ -5,8 +5,6 @@ Runs every notebook from top to bottom in its folder and writes
 is. The notebooks themselves are stored without outputs.
 """
 
-from __future__ import annotations
-
 import argparse
 import base64
 import re

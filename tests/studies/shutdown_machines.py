@@ -6,8 +6,6 @@ resistance, cooling that follows temperature and a fan that runs down; then a br
 clock and a cold measurement, each with errors.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ losses stays; a sensor stands for the resistance. What it showed when the load w
 known. The record is not part of the project (`../shared/bench`): without it nothing is done.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json
@@ -48,7 +46,6 @@ held-out cooling are too (`results/real/table.md`). Without it the intervals are
 
 
 def main() -> None:
-    """Run the study."""
     found = paderborn_record("A real load drop with its first readings hidden.", "shutdown")
     if found is None:
         return

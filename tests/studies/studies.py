@@ -4,8 +4,6 @@
 rough: of one process on two shared cores, compilation included.
 """
 
-from __future__ import annotations
-
 import os
 import shlex
 import subprocess

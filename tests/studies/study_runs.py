@@ -1,7 +1,5 @@
 """The cases of a study in worker processes, what is written of them, and the options for that."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import io
@@ -48,11 +46,12 @@ def run_study(
     options: argparse.Namespace,
     jobs: Sequence[Row],
     run: Callable[[Row], Row],
-    write: Callable[[list[Row]], None],
+    table: Callable[[list[Row]], str],
     *,
-    named: str = "study.json",
+    files: tuple[str, str] = ("study.json", "table.md"),
+    command: str = "",
+    more: Callable[[list[Row]], Row] = lambda rows: {},
     said: Callable[[Row], object] = lambda row: said_of(row),
-    goes_on: bool = True,
     same: str = "",
     tasks: int = TASKS,
 ) -> list[Row]:
@@ -62,17 +61,25 @@ def run_study(
         options: Of `options_of`; without `processes` all is done in this process.
         jobs: All cases, each with a seed of its own.
         run: Works out one; importable.
-        write: Writes rows and tables.
-        named: The file of rows, from which an unfinished study goes on.
+        table: Makes the page in Markdown of rows.
+        files: Of the rows, from which an unfinished study goes on, and of the page.
+        command: As `write_rows`.
+        more: What stands before the rows in their file.
         said: What is printed of a row.
-        goes_on: Take up the rows of that file.
         same: What those rows must have as the options say.
         tasks: As `rows_as_they_come`.
     """
     options.out.mkdir(parents=True, exist_ok=True)
-    rows = rows_done(options.out / named, options.seed) if goes_on else []
+    path, page = (options.out / name for name in files)
+    rows = rows_done(path, options.seed)
     if same and any(row[same] != getattr(options, same) for row in rows):
-        raise SystemExit(f"{options.out / named} has others of {same}: give another --out.")
+        raise SystemExit(f"{path} has others of {same}: give another --out.")
+
+    def write() -> None:
+        rows.sort(key=lambda row: row["seed"])
+        write_rows(path, rows, seed=options.seed, planned=len(jobs), command=command, **more(rows))
+        page.write_text(table(rows), encoding="utf-8")
+
     done = {row["seed"] for row in rows}
     left = [job for job in jobs if job["seed"] not in done]
     processes = getattr(options, "processes", 0)
@@ -82,9 +89,8 @@ def run_study(
         for row in finished:
             rows.append(row)
             print(f"{len(rows)}/{len(jobs)} {said(row)}", flush=True)
-        write(sorted(rows, key=lambda row: row["seed"]))
-    rows.sort(key=lambda row: row["seed"])
-    write(rows)
+        write()
+    write()
     return rows
 
 
@@ -124,10 +130,10 @@ def rows_as_they_come(
 
 
 def rows_done(path: Path, seed: int) -> list[Row]:
-    """Return the rows that `write_rows` wrote of an unfinished study; none without the file."""
-    if not path.exists():
+    """Return the rows that `write_rows` wrote of an unfinished study; a whole one is run anew."""
+    content = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {"rows": []}
+    if len(content["rows"]) >= content.get("planned", 0):
         return []
-    content = json.loads(path.read_text(encoding="utf-8"))
     if content["seed"] != seed:
         raise SystemExit(f"{path} is of seed {content['seed']}, not {seed}: give another --out.")
     return content["rows"]

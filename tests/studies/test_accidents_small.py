@@ -1,14 +1,6 @@
 """The study of accidents: its cases are struck as they say, its table counts what it says."""
 
-from __future__ import annotations
-
-import sys
-from pathlib import Path
-
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from accidents import is_named, run, table
 from gate_rows import limits_95
 

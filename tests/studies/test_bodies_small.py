@@ -1,17 +1,9 @@
 """The study of measured bodies: its machines obey physics, its table counts what it says."""
 
-from __future__ import annotations
-
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from bodies import table
 from bodies_cases import (
     KINDS,
@@ -34,6 +26,7 @@ from bodies_machines import (
     two_nodes,
     with_housing,
 )
+from scipy.linalg import expm
 from study_runs import rows_done, write_rows
 
 ROOM = 22.0

@@ -1,15 +1,8 @@
 """The coverage study in small: intervals hold the truth as often as they say."""
 
-from __future__ import annotations
-
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.stats import binom
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 NUM = 16
 SEED = 2_000

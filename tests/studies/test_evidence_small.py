@@ -1,14 +1,6 @@
 """The study of the evidence: what counts, what is said of it, and one machine through it."""
 
-from __future__ import annotations
-
-import sys
-from pathlib import Path
-
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from evidence import SEED, counts, pairs, run, table
 
 

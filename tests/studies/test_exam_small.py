@@ -1,8 +1,5 @@
 """The field's exam on files of the public layout: profiles are split, and errors are counted."""
 
-from __future__ import annotations
-
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +7,6 @@ import pandas as pd
 import pytest
 
 import heatrun
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 RECORD = Path(__file__).parents[3] / "shared/bench/paderborn_profile24_heatrun_2p5s.csv.gz"
 ROWS = {7: 90, 24: 100, 60: 90, 62: 80}
@@ -45,8 +40,7 @@ def test_profiles_are_split_by_their_id(made):
 
 
 @pytest.mark.parametrize(
-    ("wanted", "told"),
-    [("60", "held out"), ("8", "no profile 8"), ("all,", "ids of profiles")],
+    ("wanted", "told"), [("60", "held out"), ("8", "no profile 8"), ("all,", "ids of profiles")]
 )
 def test_a_training_set_that_cannot_be_is_refused(made, wanted, told):
     from exam import profiles, training

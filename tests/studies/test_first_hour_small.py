@@ -1,18 +1,12 @@
 """A small version of the study `first_hour.py`: all files up to `check`, one to its sheet."""
 
-from __future__ import annotations
-
 import json
-import sys
 from pathlib import Path
 
 import pytest
+from first_hour import FILES, MOST_LINES, edited, entry_of, run
 
 from heatrun.cli import main
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-from first_hour import FILES, MOST_LINES, edited, entry_of, run
 
 
 @pytest.mark.parametrize("kind", list(FILES))

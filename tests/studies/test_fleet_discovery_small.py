@@ -1,10 +1,5 @@
 """The study of effects that a fleet shares, in small: a fleet through the command, and its page."""
 
-from __future__ import annotations
-
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -12,18 +7,9 @@ from heatrun import cli
 from heatrun_fleet.shared_effects.job import read_discovery
 
 pytest.importorskip("pyarrow")
-sys.path.insert(0, str(Path(__file__).parent))
 
 from fleet_discovery import cases, table
-from fleet_of_hidden_causes import (
-    EFFECTS,
-    TRUTH,
-    amplitude_of,
-    fleet,
-    march,
-    programme,
-    write,
-)
+from fleet_of_hidden_causes import EFFECTS, TRUTH, amplitude_of, fleet, march, programme, write
 from gate_rows import limits_95
 
 

@@ -1,24 +1,11 @@
 """The study of noise over fleets: its machines are what they were drawn from; a small one."""
 
-from __future__ import annotations
-
 import json
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from fleet_noise import run, table
-from fleet_noise_cases import (
-    IRON_SPREAD,
-    NOISE,
-    draw_noisy_fleet,
-    smoothly,
-    write_noisy_fleet,
-)
+from fleet_noise_cases import IRON_SPREAD, NOISE, draw_noisy_fleet, smoothly, write_noisy_fleet
 from study_runs import write_rows
 
 

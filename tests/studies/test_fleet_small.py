@@ -1,27 +1,13 @@
 """The study of populations: its machines obey physics, its table counts what its rows say."""
 
-from __future__ import annotations
-
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from fleet import table
-from fleet_cases import (
-    NAMES,
-    B_degC,
-    REFERENCE_degC,
-    ROOM_degC,
-    courses,
-    draw_fleet,
-    write_fleet,
-)
+from fleet_cases import NAMES, B_degC, REFERENCE_degC, ROOM_degC, courses, draw_fleet, write_fleet
+from scipy.integrate import solve_ivp
 
 from heatrun_fleet.fleet_file import load_fleet
 

@@ -1,13 +1,6 @@
 """The table of the misfit study counts what it says, on rows made by hand."""
 
-from __future__ import annotations
-
-import sys
-from pathlib import Path
-
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 PARAMETERS = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
 

@@ -1,16 +1,9 @@
 """A small version of the study of the observer: one machine by its true figures, one test."""
 
-from __future__ import annotations
-
 import shutil
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from observer import (
     TESTS,
     WITHIN_S,

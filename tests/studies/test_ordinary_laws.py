@@ -1,12 +1,5 @@
 """Laws of effects against the machines of `make study-ordinary`, whose laws are others."""
 
-from __future__ import annotations
-
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 import numpy as np
 import pytest
 from ordinary_machines import make, write_case

@@ -1,15 +1,8 @@
 """Notebooks as pages: what a cell printed and drew stands under it."""
 
-from __future__ import annotations
-
 import base64
-import sys
-from pathlib import Path
 
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from rendered_notebooks import HERE, LONGEST, rendered
 
 PNG = b"\x89PNG of a figure"

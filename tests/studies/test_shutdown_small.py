@@ -1,15 +1,7 @@
 """The study of shut-downs: its cases go through the command, its table counts what it says."""
 
-from __future__ import annotations
-
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from shutdown import jobs, run, table
 from shutdown_machines import machine
 

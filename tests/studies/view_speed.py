@@ -3,8 +3,6 @@
 Run by `make study-view`; writes results/view/. Needs Chromium.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -456,18 +456,3 @@ def is_fall(record: Record, motor: Motor, moved: Movement) -> bool:
     around = float(np.interp(moved.from_s, time_s, sink))
     left = (moved.to_degC - around) / max(moved.from_degC - around, 1e-9)
     return moved.to_degC - moved.from_degC < moved.expected_K and left < 1.0 - FALL_SHARE
-
-
-def falls_at_once(record: Record, motor: Motor) -> bool:
-    """Return whether the excess over the sink halves within seconds, and stays so.
-
-    Whatever heats it: a clock in the wrong unit shows so.
-    """
-    time_s, winding, sink = samples(record, "winding_degC", sink_channel(motor))
-    if time_s.size < 3 or _looks_like_kelvin(winding):
-        return False
-    if open_spans(record, "winding_degC"):
-        return True
-    # a spike falls back as fast as it rose; only what stays down for the window is a fall
-    first, past = runs(_falls(time_s, winding, sink))
-    return bool(np.any(time_s[past - 1] - time_s[first] > 0.25 * FALL_WINDOW_S))

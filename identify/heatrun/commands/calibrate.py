@@ -27,7 +27,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "calibrate", help="parameters with 95 %% intervals, bands, verdict and parameter sheet"
     )
     words.add_inputs(parser, may_lack_motor=True)
-    words.add_holdout(parser)
+    words.add(parser, "--holdout")
     parser.add_argument(
         "--model",
         default="both",
@@ -36,21 +36,18 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "measured bodies, or your own from a TOML file; several with commas between, such as "
         "second,mine.toml (default: both)",
     )
-    words.add_with(parser)
+    words.add(parser, "--with")
     parser.add_argument(
         "--plain",
         action="store_true",
         help="keep the network without the effects that the tests ask for; the verdict says what "
         "that costs",
     )
-    words.add_rating(parser)
-    words.add_sampling(parser)
-    words.add_meta(parser)
-    words.add_language(parser)
-    words.add_out(parser, "run folder (default: results/runs/NAME)")
-    words.add_force(parser)
-    words.add_verbose(parser, "all networks, how they were sampled, columns and notes")
-    words.add_json(parser)
+    words.add(
+        parser, "--rating", "--seed", "--quick", "--meta", "--language",
+        "--out: run folder (default: results/runs/NAME)", "--force",
+        "--verbose: all networks, how they were sampled, columns and notes", "--json",
+    )  # fmt: skip
     return parser
 
 

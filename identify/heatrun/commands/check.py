@@ -24,9 +24,8 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         metavar="first|second|FILE.toml",
         help="also check that the tests have what this network needs (default: records alone)",
     )
-    words.add_with(parser)
-    words.add_verbose(parser, "how each column was read, columns that no channel claims, and notes")
-    words.add_json(parser)
+    columns = "how each column was read, columns that no channel claims, and notes"
+    words.add(parser, "--with", f"--verbose: {columns}", "--json")
     return parser
 
 

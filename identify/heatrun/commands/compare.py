@@ -25,7 +25,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     words.add_inputs(
         parser, "bench files; or the run folder after", "the motor file; or the run folder before"
     )
-    words.add_holdout(parser)
+    words.add(parser, "--holdout")
     parser.add_argument(
         "--model",
         default="both",
@@ -41,12 +41,10 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         metavar="PERCENT",
         help="of two run folders: by how much a quantity must differ to count (default: 5)",
     )
-    words.add_with(parser)
-    words.add_sampling(parser)
-    words.add_out(parser, "run folder (default: none is written)")
-    words.add_force(parser)
-    words.add_verbose(parser, "both networks, how they were sampled, columns and notes")
-    words.add_json(parser)
+    words.add(
+        parser, "--with", "--seed", "--quick", "--out: run folder (default: none is written)",
+        "--force", "--verbose: both networks, how they were sampled, columns and notes", "--json",
+    )  # fmt: skip
     return parser
 
 

@@ -30,9 +30,7 @@ EVERY_S = 30.0
 
 
 @contextmanager
-def bar(
-    clock: Callable[[], float] = time.monotonic,
-) -> Iterator[Callable[[str, float], None]]:
+def bar(clock: Callable[[], float] = time.monotonic) -> Iterator[Callable[[str, float], None]]:
     """Show a bar on stderr that is told a sentence and the share done, 1 when the job is done.
 
     Where stderr is no terminal, such as in a log, a line every `EVERY_S` takes its place.

@@ -14,11 +14,10 @@ from .calibrate import calibrate_into_folder
 def add_parser(commands: Any) -> argparse.ArgumentParser:
     """Add the command's words to the subparsers `commands`."""
     parser = commands.add_parser("demo", help="the main job on bundled data")
-    words.add_sampling(parser)
-    words.add_out(parser, "run folder (default: results/runs/demo)")
-    words.add_force(parser)
-    words.add_verbose(parser, "all networks, how they were sampled, columns and notes")
-    words.add_json(parser)
+    words.add(
+        parser, "--seed", "--quick", "--out: run folder (default: results/runs/demo)", "--force",
+        "--verbose: all networks, how they were sampled, columns and notes", "--json",
+    )  # fmt: skip
     return parser
 
 
@@ -40,9 +39,6 @@ def run(options: argparse.Namespace) -> int:
 
 def bundled(name: str) -> Path:
     """Return the folder of a bundled data set.
-
-    Args:
-        name: Such as `"synthetic"`.
 
     Raises:
         InputError: If this installation has none.

@@ -18,14 +18,14 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "discover", help="where model and measurement disagree, and which effect is missing"
     )
     words.add_inputs(parser)
-    words.add_holdout(parser)
+    words.add(parser, "--holdout")
     parser.add_argument(
         "--model",
         default="second",
         metavar="first|second|FILE.toml",
         help="base network: a built-in one, or your own from a TOML file (default: second)",
     )
-    words.add_with(parser)
+    words.add(parser, "--with")
     parser.add_argument(
         "--effects",
         action="append",
@@ -34,12 +34,11 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         metavar="FILE.py",
         help="your own effects, searched beside the catalogue; the file is executed",
     )
-    words.add_sampling(parser)
-    words.add_language(parser, "of report and sheet")
-    words.add_out(parser, "run folder (default: results/runs/NAME)")
-    words.add_force(parser)
-    words.add_verbose(parser, "how each column was read")
-    words.add_json(parser)
+    words.add(
+        parser, "--seed", "--quick", "--language: of report and sheet",
+        "--out: run folder (default: results/runs/NAME)", "--force",
+        "--verbose: how each column was read", "--json",
+    )  # fmt: skip
     return parser
 
 

@@ -69,8 +69,10 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         help="speeds of the ratings (default: those tested under load); a file has speed_rpm and, "
         "where no test tells them, other_losses_W",
     )
-    words.add_rating(parser, " (default: S2-60, S2-30, S2-10; S1 is always there)")
-    words.add_language(parser, "of the ratings")
+    words.add(
+        parser, "--rating:  (default: S2-60, S2-30, S2-10; S1 is always there)",
+        "--language: of the ratings",
+    )  # fmt: skip
     parser.add_argument(
         "--motor-constant",
         type=float,
@@ -100,13 +102,11 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         action="store_true",
         help="correct Is, Pd and Te by the estimated errors of current, losses, sink and timing",
     )
-    words.add_out(
+    words.add(
         parser,
-        "folder for the files (default: the run itself; of the kind's name in it for all but mat; "
-        "for bench files NAME_mat here)",
-    )
-    words.add_force(parser)
-    words.add_json(parser)
+        "--out: folder for the files (default: the run itself; of the kind's name in it for all "
+        "but mat; for bench files NAME_mat here)", "--force", "--json",
+    )  # fmt: skip
     return parser
 
 

@@ -53,7 +53,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         action="store_true",
         help="the best candidates hold, marked '# please check', instead of standing behind a #",
     )
-    words.add_json(parser)
+    words.add(parser, "--json")
     return parser
 
 
@@ -85,11 +85,6 @@ def run(options: argparse.Namespace) -> int:
 
 def look_at(tests: Sequence[Path], out: Path, *, is_replacing: bool = False) -> list[Survey]:
     """Return what the files of tests hold.
-
-    Args:
-        tests: As the command line names them.
-        out: The motor file that is to be written.
-        is_replacing: There may be one already.
 
     Raises:
         InputError: If a file cannot be read, or the motor file would replace something.

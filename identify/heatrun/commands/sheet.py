@@ -16,14 +16,12 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "sheet", help="regenerate the certificate and the parameter sheet of a run"
     )
     parser.add_argument("run", type=Path, metavar="RUN", help="run folder")
-    words.add_meta(parser)
-    words.add_language(parser)
-    words.add_dcc(parser)
-    words.add_out(parser, "folder for the sheet (default: the run itself)")
-    words.add_force(
-        parser, "replace the sheet of another run in --out, and what this one was told by --meta"
-    )
-    words.add_json(parser)
+    words.add(
+        parser, "--meta", "--language", "--dcc", "--dcc-schema",
+        "--out: folder for the sheet (default: the run itself)",
+        "--force: the sheet of another run in --out, and what this one was told by --meta",
+        "--json",
+    )  # fmt: skip
     return parser
 
 

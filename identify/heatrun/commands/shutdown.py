@@ -48,14 +48,11 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         help="uncertainty of the extrapolation, 95 %%, beyond which it is not determinable "
         "(default: 5)",
     )
-    words.add_meta(parser)
-    words.add_language(parser, "of page, figure and workbook")
-    words.add_dcc(parser)
-    words.add_seed(parser)
-    words.add_out(parser, "folder for the results: JSON, PDF, XLSX, figure, curve (default: none)")
-    words.add_force(parser)
-    words.add_verbose(parser, "the uncertainty budget and how the file was read")
-    words.add_json(parser)
+    words.add(
+        parser, "--meta", "--language: of page, figure and workbook", "--dcc", "--dcc-schema",
+        "--seed", "--out: folder for the results: JSON, PDF, XLSX, figure, curve (default: none)",
+        "--force", "--verbose: the uncertainty budget and how the file was read", "--json",
+    )  # fmt: skip
     return parser
 
 

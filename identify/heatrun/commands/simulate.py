@@ -32,10 +32,8 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         help="network of the parameters, or one of the run's (default: the run's last one; "
         "second for a TOML file)",
     )
-    words.add_seed(parser)
-    words.add_out(parser, "folder for the CSV files (default: here)")
-    words.add_force(parser)
-    words.add_json(parser)
+    folder = "folder for the CSV files (default: here)"
+    words.add(parser, "--seed", f"--out: {folder}", "--force", "--json")
     return parser
 
 

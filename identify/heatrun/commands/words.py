@@ -17,6 +17,73 @@ LONGEST_SEED = 40
 """Digits, leading zeros included."""
 
 
+def seed(text: str) -> int:
+    """Return a seed from the word after `--seed`.
+
+    Raises:
+        ArgumentTypeError: If it is no whole number in the range; exit code 2.
+    """
+    if (
+        text.isascii()
+        and text.isdigit()
+        and len(text) <= LONGEST_SEED
+        and int(text) <= LARGEST_SEED
+    ):
+        return int(text)
+    raise argparse.ArgumentTypeError(
+        f"expected a whole number from 0 to {LARGEST_SEED}, got {text[:40]!r}"
+    )
+
+
+OPTIONS: dict[str, tuple[str, dict[str, Any]]] = {
+    "--holdout": ("tests that are predicted, not fitted",
+        {"nargs": "+", "type": Path, "default": [], "metavar": "TEST"}),
+    "--with": ("known effects in the model beside those of the motor file's [model], such as "
+        "speed_cooling,sensor_lag",
+        {"dest": "effects_known", "default": "", "metavar": "EFFECT,…"}),
+    "--rating": ("largest current of a duty within the permitted rise, such as S2-30 (30 min), "
+        "S3-40 (40 %% of 10 min), S6-40, S4-40:5x2 (starts of 5 times the current for 2 s), "
+        "S5-40:5x2,3x1 and S7:5x2,3x1 (start, braking), S8:1x300@3000,0.7x300@1500 (phases with "
+        "their rpm), 60/h for the cycles in an hour, or a CSV file with seconds and current_A of "
+        "each phase of the cycle, speed_rpm and other_losses_W where they differ; time:150A:hot "
+        "and starts:600Ax5@0 are the time to the limit and the permissible starts at stated "
+        "currents; may be given several times{}",
+        {"action": "append", "default": [],
+         "metavar": "S1|S2-MIN|S3-PCT|S4-PCT:START|…|time:A|starts:AxS|DUTY.csv"}),
+    "--seed": (f"random seed, a whole number from 0 to {LARGEST_SEED} (default: 0)",
+        {"type": seed, "default": 0, "metavar": "NUMBER"}),
+    "--quick": ("importance sampling instead of MCMC where its diagnostics allow, else a shorter "
+        "MCMC", {"action": "store_true"}),
+    "--meta": ("what the certificate says beside the results (laboratory, customer, machine, days, "
+        "instruments): the keys of [certificate], before those of the motor file",
+        {"type": Path, "metavar": "FILE.toml"}),
+    "--language": ("language {} (default: that of [certificate], or English)",
+        {"choices": LANGUAGES, "default": ""}),
+    "--dcc": ("write dcc.xml too, a Digital Calibration Certificate (DCC 3.3.0)",
+        {"action": "store_true"}),
+    "--dcc-schema": ("validate it against your copy of the schema, with SI_Format.xsd and "
+        "xmldsig-core-schema.xsd in the same folder (needs heatrun[dcc])",
+        {"type": Path, "metavar": "DCC.xsd"}),
+    "--out": ("{}", {"type": Path, "metavar": "DIR"}),
+    "--force": ("replace {}", {"action": "store_true"}),
+    "--verbose": ("also print {}", {"action": "store_true"}),
+    "--json": ("one JSON object on stdout", {"action": "store_true"}),
+}  # fmt: skip
+"""Options of several commands: what is said of each, and how it is read."""
+
+USUAL = {"--language": "of the sheet", "--force": "a result that stands in --out"}
+"""What an option is said to do if a command says no more."""
+
+
+def add(parser: argparse.ArgumentParser, *wanted: str) -> None:
+    """Add some of the `OPTIONS`, such as `"--json"`, or `"--out: run folder"` with what it does."""
+    for each in wanted:
+        name, _, said = each.partition(": ")
+        text, how = OPTIONS[name]
+        flags = ("-v", name) if name == "--verbose" else (name,)
+        parser.add_argument(*flags, help=text.format(said or USUAL.get(name, "")), **how)
+
+
 def add_inputs(
     parser: argparse.ArgumentParser,
     tests: str = "bench files",
@@ -44,24 +111,6 @@ def add_inputs(
             metavar="TIME",
             help=f"{meaning} of the part of the tests that is used, such as 600s, 10min or 1.5h",
         )
-
-
-def add_rating(parser: argparse.ArgumentParser, more: str = "") -> None:
-    """Add the ratings that are asked for; `more` ends what is said of them."""
-    parser.add_argument(
-        "--rating",
-        action="append",
-        default=[],
-        metavar="S1|S2-MIN|S3-PCT|S4-PCT:START|…|time:A|starts:AxS|DUTY.csv",
-        help="largest current of a duty within the permitted rise, such as S2-30 (30 min), S3-40 "
-        "(40 %% of 10 min), S6-40, S4-40:5x2 (starts of 5 times the current for 2 s), "
-        "S5-40:5x2,3x1 and S7:5x2,3x1 (start, braking), S8:1x300@3000,0.7x300@1500 (phases with "
-        "their rpm), 60/h for the cycles in an hour, or a CSV file with seconds and current_A of "
-        "each phase of the cycle, speed_rpm and other_losses_W where they differ; time:150A:hot "
-        "and starts:600Ax5@0 are the time to the limit and the permissible starts at stated "
-        "currents; may be given several times"
-        f"{more}",
-    )
 
 
 def tell_tests(options: argparse.Namespace) -> None:
@@ -102,132 +151,6 @@ def cut_tests(options: argparse.Namespace) -> None:
         if test.is_dir():
             raise UsageError(f"{test} is a folder; --from and --until are for files.")
     options.tests = [Path(f"{test}@{start}..{end}") for test in options.tests]
-
-
-def add_holdout(parser: argparse.ArgumentParser) -> None:
-    """Add the tests that are predicted and not fitted."""
-    parser.add_argument(
-        "--holdout",
-        nargs="+",
-        type=Path,
-        default=[],
-        metavar="TEST",
-        help="tests that are predicted, not fitted",
-    )
-
-
-def add_sampling(parser: argparse.ArgumentParser) -> None:
-    """Add the seed and the choice of the quick posterior."""
-    add_seed(parser)
-    parser.add_argument(
-        "--quick",
-        action="store_true",
-        help="importance sampling instead of MCMC where its diagnostics allow, else a shorter MCMC",
-    )
-
-
-def add_out(parser: argparse.ArgumentParser, text: str) -> None:
-    """Add the folder to write to, described by `text`."""
-    parser.add_argument("--out", type=Path, default=None, metavar="DIR", help=text)
-
-
-def add_force(
-    parser: argparse.ArgumentParser, text: str = "replace a result that stands in --out"
-) -> None:
-    """Add the leave to replace a result that stands where this one goes, described by `text`."""
-    parser.add_argument("--force", action="store_true", help=text)
-
-
-def add_with(parser: argparse.ArgumentParser) -> None:
-    """Add `--with`: known effects of the machine."""
-    parser.add_argument(
-        "--with",
-        dest="effects_known",
-        default="",
-        metavar="EFFECT,…",
-        help="known effects in the model beside those of the motor file's [model], such as "
-        "speed_cooling,sensor_lag",
-    )
-
-
-def add_meta(parser: argparse.ArgumentParser) -> None:
-    """Add the file of what the certificate states."""
-    parser.add_argument(
-        "--meta",
-        type=Path,
-        default=None,
-        metavar="FILE.toml",
-        help="what the certificate says beside the results (laboratory, customer, machine, days, "
-        "instruments): the keys of [certificate], before those of the motor file",
-    )
-
-
-def add_dcc(parser: argparse.ArgumentParser) -> None:
-    """Add the Digital Calibration Certificate and the schema that it is held against."""
-    parser.add_argument(
-        "--dcc",
-        action="store_true",
-        help="write dcc.xml too, a Digital Calibration Certificate (DCC 3.3.0)",
-    )
-    parser.add_argument(
-        "--dcc-schema",
-        type=Path,
-        default=None,
-        metavar="DCC.xsd",
-        help="validate it against your copy of the schema, with SI_Format.xsd and "
-        "xmldsig-core-schema.xsd in the same folder (needs heatrun[dcc])",
-    )
-
-
-def add_language(
-    parser: argparse.ArgumentParser, text: str = "of the sheet", default: str = ""
-) -> None:
-    """Add the language of what is written, described by `text`; empty for the certificate's."""
-    parser.add_argument(
-        "--language",
-        choices=LANGUAGES,
-        default=default,
-        help=f"language {text} (default: {default or 'that of [certificate], or English'})",
-    )
-
-
-def add_json(parser: argparse.ArgumentParser) -> None:
-    """Add the choice of JSON on stdout."""
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-
-
-def add_verbose(parser: argparse.ArgumentParser, text: str) -> None:
-    """Add the choice of everything that there is to say, described by `text`."""
-    parser.add_argument("-v", "--verbose", action="store_true", help=f"also print {text}")
-
-
-def add_seed(parser: argparse.ArgumentParser) -> None:
-    """Add the seed of the random numbers."""
-    parser.add_argument(
-        "--seed",
-        type=seed,
-        default=0,
-        metavar="NUMBER",
-        help=f"random seed, a whole number from 0 to {LARGEST_SEED} (default: 0)",
-    )
-
-
-def seed(text: str) -> int:
-    """Return a seed from the word after `--seed`.
-
-    Raises:
-        ArgumentTypeError: If it is no whole number in the range; exit code 2.
-    """
-    if (
-        text.isascii()
-        and text.isdigit()
-        and len(text) <= LONGEST_SEED
-        and int(text) <= LARGEST_SEED
-    ):
-        return int(text)
-    raise argparse.ArgumentTypeError(
-        f"expected a whole number from 0 to {LARGEST_SEED}, got {text[:40]!r}"
-    )
 
 
 class AnyOrder(argparse.ArgumentParser):

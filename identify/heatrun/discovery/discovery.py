@@ -250,15 +250,7 @@ class Verdict:
 def verdict(
     asked: Found, screened: SmallEffects | None, before: Adequacy, after: Adequacy, command: str
 ) -> Verdict:
-    """Return the verdict.
-
-    Args:
-        asked: Which effects the tests ask for.
-        screened: Which small ones the network may lack.
-        before: What the network alone leaves.
-        after: What the network with the effects leaves.
-        command: What to call next where something is left.
-    """
+    """Return the verdict."""
     ids = asked.ids
     names = effects_in_words(ids, asked.allowed_for)
     if ids and after.is_adequate:
@@ -336,14 +328,7 @@ class Discovery:
 def tell(
     asked: Found, screened: SmallEffects | None = None, *, command: str = "", work: Work = SILENT
 ) -> Discovery:
-    """Tell where a network without effects misses its tests, and what the effects change.
-
-    Args:
-        asked: Which effects the tests ask for.
-        screened: Which small ones the network may lack.
-        command: What to call next where something is left.
-        work: Told how far it is.
-    """
+    """Tell where a network without effects misses its tests, and what the effects change."""
     begun = time.perf_counter()
     work.at("where", "locating what is missing")
     search = asked.search

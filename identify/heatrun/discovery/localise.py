@@ -124,11 +124,7 @@ def _linear_jit(model: Model, values: Values, inputs: Inputs):
 
 
 def _march(
-    A: np.ndarray,
-    step: float,
-    heated: dict[str, int],
-    capacity: dict[str, float],
-    hats: np.ndarray,
+    A: np.ndarray, step: float, heated: dict[str, int], capacity: dict[str, float], hats: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Return the temperatures (edge, node, knot) that a watt at each knot causes, by node."""
     size = A.shape[-1]
@@ -282,13 +278,7 @@ class Where:
 
 
 def localise(engine: Engine, present: Refit, model: Model) -> Where:
-    """Return where a model lacks heat or reads wrongly.
-
-    Args:
-        engine: Tests and parameters.
-        present: Fit of the model.
-        model: The network with its effects.
-    """
+    """Return where a model lacks heat or reads wrongly."""
     responses = []
     for index, test in enumerate(engine.tests):
         numbers, _ = engine.values(present.z, index)

@@ -117,10 +117,7 @@ def imagined(
 
 
 def _other_losses(
-    tests: Sequence[Blocks],
-    losses: CopperLosses,
-    squared: np.ndarray,
-    speed: np.ndarray | None,
+    tests: Sequence[Blocks], losses: CopperLosses, squared: np.ndarray, speed: np.ndarray | None
 ) -> np.ndarray:
     """Return the other losses [W] of a load, as they were in the records."""
     rows, values = [], []
@@ -176,11 +173,6 @@ def next_test(engine: Engine, names: tuple[str, ...], fits: Sequence[Refit]) -> 
     fitted to the records already; on an imagined duty their predictions differ, and what a refit of
     the rival could make up for is taken off. The expected log Bayes factor is half of what is left,
     squared and whitened.
-
-    Args:
-        engine: The tests.
-        names: Ids of the effects.
-        fits: The model with each of them.
     """
     final = fits[0]
     like = max(engine.tests, key=lambda test: test.num_blocks)

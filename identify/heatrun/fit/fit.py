@@ -271,11 +271,7 @@ SETTLED = 0.02
 
 
 def fit(
-    problem: Problem,
-    *,
-    num_starts: int = NUM_STARTS,
-    seed: int = 0,
-    throw: bool = True,
+    problem: Problem, *, num_starts: int = NUM_STARTS, seed: int = 0, throw: bool = True
 ) -> Fit:
     """Fit a model to tests.
 

@@ -156,11 +156,7 @@ def estimate_noise(
 
 
 def polished_noise(
-    problem: Problem,
-    noise_z: np.ndarray,
-    z: np.ndarray,
-    residual: np.ndarray,
-    jacobian: np.ndarray,
+    problem: Problem, noise_z: np.ndarray, z: np.ndarray, residual: np.ndarray, jacobian: np.ndarray
 ) -> np.ndarray:
     """Return the maximum of the restricted likelihood near what a search has found.
 
@@ -289,11 +285,7 @@ def _search(
 
 
 def log_evidence(
-    problem: Problem,
-    noise_z: np.ndarray,
-    z: np.ndarray,
-    residual: np.ndarray,
-    jacobian: np.ndarray,
+    problem: Problem, noise_z: np.ndarray, z: np.ndarray, residual: np.ndarray, jacobian: np.ndarray
 ) -> float:
     """Return the log evidence of a model at a noise, up to what all models share [nat].
 
@@ -317,11 +309,7 @@ def _objective(noise_z, log_scales, tests, z, residual, jacobian):
 
 
 def noise_precision(
-    problem: Problem,
-    noise_z: np.ndarray,
-    z: np.ndarray,
-    residual: np.ndarray,
-    jacobian: np.ndarray,
+    problem: Problem, noise_z: np.ndarray, z: np.ndarray, residual: np.ndarray, jacobian: np.ndarray
 ) -> np.ndarray:
     """Return minus the Hessian of `restricted_log_likelihood` in the noise, shape (noise, noise).
 
@@ -354,11 +342,7 @@ class Spread(NamedTuple):
 
 
 def spread(
-    problem: Problem,
-    z: np.ndarray,
-    noise_z: np.ndarray,
-    residual: np.ndarray,
-    jacobian: np.ndarray,
+    problem: Problem, z: np.ndarray, noise_z: np.ndarray, residual: np.ndarray, jacobian: np.ndarray
 ) -> Spread:
     """Return the spread around a fit.
 

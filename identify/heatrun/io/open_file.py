@@ -80,10 +80,6 @@ def _opened(path: str | Path, largest: int, held: contextlib.ExitStack) -> Binar
 def read_start(path: str | Path, most: int) -> bytes:
     """Return the first bytes of a file, and one more than wanted if there are more.
 
-    Args:
-        path: As `open_input`.
-        most: So many bytes are wanted.
-
     Raises:
         InputError: As `open_input`.
     """
@@ -96,10 +92,6 @@ def read_start(path: str | Path, most: int) -> bytes:
 
 def read_stream(stream: BinaryIO, where: str) -> bytes:
     """Return the bytes of an open bench file, from its start.
-
-    Args:
-        stream: What `open_input` gave.
-        where: The file, for messages.
 
     Raises:
         InputError: If it is empty, larger than `LARGEST_BYTES`, or is being written to.
@@ -139,10 +131,6 @@ def refuse_special(found: os.stat_result, where: str) -> None:
 
     A named pipe is refused even if somebody writes it: whether anybody ever will cannot be known.
 
-    Args:
-        found: What `os.stat` or `os.fstat` says of it.
-        where: The file, for messages.
-
     Raises:
         InputError: If it is a directory, a device, a socket or a named pipe.
     """
@@ -169,9 +157,7 @@ def refuse_special(found: os.stat_result, where: str) -> None:
     if not stat.S_ISREG(mode):
         kind = "socket" if stat.S_ISSOCK(mode) else "device"
         raise InputError(
-            f"Expected a file, got a {kind}.",
-            where=where,
-            remedy="Name the file of the recording.",
+            f"Expected a file, got a {kind}.", where=where, remedy="Name the file of the recording."
         )
 
 
@@ -184,12 +170,7 @@ def is_pipe(path: str | Path) -> bool:
 
 
 def cannot_open(error: OSError | ValueError, where: str) -> InputError:
-    """Return the error for a file that the system does not open.
-
-    Args:
-        error: What the system raised.
-        where: The file.
-    """
+    """Return the error for a file that the system does not open."""
     reason = getattr(error, "strerror", None) or str(error)
     return InputError(
         f"The file cannot be opened ({reason}).", where=where, remedy="Check the path."

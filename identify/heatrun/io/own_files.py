@@ -154,10 +154,6 @@ def _sheets(path: Path) -> set[str]:
 
 
 def is_simulated(columns: Collection[str]) -> bool:
-    """Return whether columns are those of a virtual record.
-
-    Args:
-        columns: Names in the file.
-    """
+    """Return whether columns are those of a virtual record."""
     flows = [name for name in columns if name.startswith("flow_") and name.endswith("_W")]
     return set(columns) >= SIMULATED and bool(flows)

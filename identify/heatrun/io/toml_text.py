@@ -10,9 +10,11 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 from ..errors import InputError, did_you_mean
+
+W = TypeVar("W", bound=str)
 
 LONGEST_TEXT = 500
 """Letters of a name or a right-hand side; the names of columns in use have fewer than 100."""
@@ -36,12 +38,6 @@ def shown(value: Any) -> str:
 
 def text_of(section: Mapping[str, Any], key: str, where: str, longest: int = LONGEST_TEXT) -> str:
     """Return the text of a key without blanks around it.
-
-    Args:
-        section: What the section holds.
-        key: Which of it.
-        where: The section, for messages.
-        longest: Most letters that it may have.
 
     Raises:
         InputError: If it is no text, a blank one or too long.
@@ -78,11 +74,6 @@ TOKEN = re.compile(
 
 def parse_toml(data: bytes, where: str, what: str = "motor file") -> dict[str, Any]:
     """Return the content of a TOML file.
-
-    Args:
-        data: The bytes of the file.
-        where: The file, for messages.
-        what: What the file is, for messages.
 
     Raises:
         InputError: If it is no UTF-8 text or no TOML, larger than `LARGEST_BYTES`, or nested
@@ -146,6 +137,41 @@ def check_keys(content: Mapping[str, Any], known: Sequence[str], where: str, kin
                 where=where,
                 remedy=f"Known are: {', '.join(known)}.",
             )
+
+
+def section_of(content: Mapping[str, Any], name: str, where: str) -> Mapping[str, Any]:
+    """Return a section; an empty one where it is not given.
+
+    Raises:
+        InputError: If it is none.
+    """
+    section = content.get(name, {})
+    if not isinstance(section, dict):
+        raise InputError(
+            f"Expected a section, got {shown(section)}.",
+            where=f"{where}, {name}",
+            remedy=f"Write [{name}] on a line of its own.",
+        )
+    return section
+
+
+def choice_of(section: Mapping[str, Any], key: str, choices: Sequence[W], where: str) -> W | None:
+    """Return one of some words; None where the key is not given.
+
+    Raises:
+        InputError: If it is another.
+    """
+    if key not in section:
+        return None
+    value = section[key]
+    if value not in choices:
+        near = did_you_mean(value, choices) if isinstance(value, str) else ""
+        raise InputError(
+            f"Expected one of {', '.join(choices)} for {key}, got {shown(value)}. {near}".strip(),
+            where=where,
+            remedy=f'Write {key} = "{choices[0]}", for example.',
+        )
+    return value
 
 
 def _require_bounded(text: str, where: str, what: str) -> None:

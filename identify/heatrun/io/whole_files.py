@@ -85,11 +85,7 @@ def write_whole(path: Path, content: bytes) -> None:
 
 @contextmanager
 def whole(path: Path) -> Iterator[Path]:
-    """Give a name to write a file under, which becomes `path` once that has succeeded.
-
-    Args:
-        path: The file.
-    """
+    """Give a name to write a file under, which becomes `path` once that has succeeded."""
     partial = path.with_name(f".{path.name}.{os.getpid()}{PARTIAL}")
     try:
         yield partial
@@ -169,10 +165,6 @@ def free_name(path: Path) -> Path:
 def refuse_replacing(path: Path, what: str) -> None:
     """Refuse to replace a result that stands where another one was asked to go.
 
-    Args:
-        path: Where it was asked to go.
-        what: What stands there, such as "a run".
-
     Raises:
         InputError: If something stands there.
     """
@@ -184,12 +176,7 @@ def refuse_replacing(path: Path, what: str) -> None:
 
 
 def is_other(path: Path, content: bytes) -> bool:
-    """Return whether a file is there and holds something else than it is to hold.
-
-    Args:
-        path: The file.
-        content: What it is to hold.
-    """
+    """Return whether a file is there and holds something else than it is to hold."""
     try:
         return path.read_bytes() != content
     except OSError:
@@ -377,12 +364,7 @@ def together(folder: Path, name: str | Callable[[], str]) -> Iterator[FileSet]:
 
 
 def names_begun(folder: Path, begin: str) -> list[str]:
-    """Return the names of sets that living processes are writing; for what chooses a name.
-
-    Args:
-        folder: Where the sets will be.
-        begin: Beginning of the names.
-    """
+    """Return the names of sets that living processes are writing; for what chooses a name."""
     names = [path.name for path in folder.iterdir() if path.name.endswith(ASIDE)]
     return [n[1 : -len(ASIDE)].rpartition(".")[0] for n in names if n.startswith(f".{begin}")]
 

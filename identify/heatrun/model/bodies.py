@@ -81,11 +81,7 @@ def body_errors(tests: Sequence[Blocks]) -> list[Parameter]:
 
 
 def second_sink_error(sink: str) -> Parameter:
-    """Return the error of the temperature of a second sink.
-
-    Args:
-        sink: Its name.
-    """
+    """Return the error of the temperature of a second sink."""
     return Parameter(
         "second_sink_offset", "K", f"offset of the {sink} temperature", "instrument", "linear", 0.0,
         0.5, "one point of the room or duct stands for the whole sink",

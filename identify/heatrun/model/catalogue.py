@@ -34,11 +34,6 @@ def effects_named(
 ) -> tuple[type[AbstractEffect], ...]:
     """Return effects by their ids, in order.
 
-    Args:
-        ids: Such as `"speed_cooling"`.
-        where: Where they are named, for messages.
-        files: As `all_effects`.
-
     Raises:
         InputError: If an id names no effect, or is there twice.
     """
@@ -151,19 +146,15 @@ def _add(kinds: list[type[AbstractEffect]], kind: type[AbstractEffect], where: s
     kinds.append(kind)
 
 
-CHANNELS = {
-    "speed": "speed_rpm",
-    "speed_rad": "speed_rpm",
-    "coolant": "coolant_degC",
-    "fan": "fan",
-}
+CHANNELS = {"speed": "speed_rpm", "speed_rad": "speed_rpm", "coolant": "coolant_degC", "fan": "fan"}
 """Channel of the record behind each optional input."""
 
 
 def lacking(kind: type[AbstractEffect], test: Blocks) -> tuple[str, ...]:
     """Return the channels that an effect needs and a test does not have."""
-    needs = [need for need in kind.card.needs if _is_absent(test, need)]
-    return tuple(dict.fromkeys(CHANNELS.get(need, need) for need in needs))
+    needs = (need.replace("speed_rad", "speed") for need in kind.card.needs)
+    lacks = [need for need in needs if getattr(test.inputs, need, 0.0) is None]
+    return tuple(dict.fromkeys(CHANNELS.get(need, need) for need in lacks))
 
 
 def refuse_lacking(kinds: Sequence[type[AbstractEffect]], tests: Sequence[Blocks]) -> None:
@@ -190,10 +181,6 @@ def refuse_lacking(kinds: Sequence[type[AbstractEffect]], tests: Sequence[Blocks
 
 def refuse_unmeasured_current(tests: Sequence[Blocks], network: str) -> None:
     """Refuse tests without a current where it says how much of the losses heats the winding.
-
-    Args:
-        tests: The reduced records.
-        network: The network as the subject of a sentence.
 
     Raises:
         InputError: With the test.
@@ -234,11 +221,6 @@ def refuse_unmeasured_sink(sink: str, tests: Sequence[Blocks], title: str) -> No
 def refuse_unmeasured_speed(kinds: Sequence[str], tests: Sequence[Blocks], title: str) -> None:
     """Refuse tests without a speed where losses of a network follow it.
 
-    Args:
-        kinds: The losses that do, such as `"mechanical"`.
-        tests: The reduced records.
-        title: The network in a sentence.
-
     Raises:
         InputError: With the test and the channel.
     """
@@ -257,20 +239,13 @@ def refuse_unmeasured_speed(kinds: Sequence[str], tests: Sequence[Blocks], title
 def refuse_unplaced(kinds: Sequence[type[AbstractEffect]], network: Network, title: str) -> None:
     """Refuse effects that a network has no place for.
 
-    Args:
-        kinds: The effects.
-        network: The network.
-        title: The network in a sentence.
-
     Raises:
         InputError: With the links of the network.
     """
     reason = unplaced(kinds, network)
     if reason:
         raise InputError(
-            reason,
-            where=title,
-            remedy="Drop the effect, or choose another network with --model.",
+            reason, where=title, remedy="Drop the effect, or choose another network with --model."
         )
 
 
@@ -294,8 +269,3 @@ def unplaced(kinds: Sequence[type[AbstractEffect]], network: Network) -> str:
     except ValueError as error:
         return str(error)
     return ""
-
-
-def _is_absent(test: Blocks, need: str) -> bool:
-    name = "speed" if need == "speed_rad" else need
-    return getattr(test.inputs, name, 0.0) is None

@@ -104,11 +104,6 @@ def left_out(
 
     where the denominator is the density of the test with the blocks of the window taken as not
     read: exact for any noise that can be filtered with gaps.
-
-    Args:
-        problem: Model and tests.
-        cut: Windows of these tests.
-        vectors: Scores of parameters and noise.
     """
     pairs = zip(cut.without, problem.tests, strict=True)
     without = tuple(test.lengthened(masks.T).T for masks, test in pairs)
@@ -191,12 +186,7 @@ def no_heat(problem: Problem) -> tuple[Float[np.ndarray, "block column"], ...]:
 
 
 def with_heat(problem: Problem, z: np.ndarray) -> Problem:
-    """Return a problem with what unmodelled heat does to its tests.
-
-    Args:
-        problem: Model and tests.
-        z: Scores that the responses are taken at.
-    """
+    """Return a problem with what unmodelled heat does to its tests."""
     vector = np.concatenate([z, np.zeros(NUM_NOISE)])
     at = Draws(problem.model, problem.motor, problem.parameters, vector[None])
     columns = []

@@ -106,12 +106,7 @@ class Model:
         return replace(self, effects=tuple(in_order))
 
     def scaled(self, motor: Motor, tests: Sequence[Blocks]) -> Model:
-        """Return the model with default priors of its network that suit the tests.
-
-        Args:
-            motor: The machine.
-            tests: The reduced records that it will be fitted to.
-        """
+        """Return the model with default priors of its network that suit the tests."""
         copper = self.unmeasured_copper_ohm(motor)
         masses = Masses(motor.mass_kg, motor.conductor_mass_kg, motor.resistance_coefficient_degC)
         return replace(self, form=scaled(self.form, scale_of_tests(tests, copper), masses))
@@ -213,9 +208,7 @@ class Model:
         from lptn import Sensor
 
         return Sensor(
-            node=self.form.measured_node,
-            gain=values["sensor_gain"],
-            offset=values["sensor_offset"],
+            node=self.form.measured_node, gain=values["sensor_gain"], offset=values["sensor_offset"]
         )
 
     def body_sensors(self, values: Values, channels: Sequence[str]) -> tuple[Sensor, ...]:

@@ -126,11 +126,7 @@ def _changes(model: Model, motor: Motor) -> list[Parameter]:
 
 
 def override_names(*networks: NetworkForm) -> tuple[str, ...]:
-    """Return every name that a motor file may override beside those of effects.
-
-    Args:
-        networks: Networks beyond the built-in ones.
-    """
+    """Return every name that a motor file may override beside those of effects."""
     forms = [*(network_named(name) for name in BUILT_IN), *networks]
     names = [name for form in forms for name in form.names]
     of_bodies = [f"{body_name(channel)}_{part}" for channel in BODIES for part in BODY_PARTS]
@@ -179,10 +175,6 @@ def room_for_eddies(motor: Motor, tests: Sequence[Blocks]) -> float:
     """Return by how much eddies may raise the copper loss of a coil at most, over itself [1].
 
     Under a measured balance what they add is among the losses: no more than what these leave.
-
-    Args:
-        motor: The machine, its resistance known.
-        tests: Reduced records.
     """
     if motor.losses != "balance":
         return MOST_EDDIES

@@ -179,10 +179,6 @@ MOST_NODES = 12
 def read_network(data: bytes, where: str) -> NetworkForm:
     """Return the network of a TOML file.
 
-    Args:
-        data: The bytes of the file.
-        where: The file, for messages.
-
     Raises:
         InputError: If a section or key is missing, unknown or wrong: with what was expected.
     """

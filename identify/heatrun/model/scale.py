@@ -62,10 +62,6 @@ class Masses:
         """Return what is known of the capacities of a network's nodes.
 
         One node alone stands for no mass: how much of the machine follows depends on the test.
-
-        Args:
-            copper: Node of the winding.
-            others: The other nodes.
         """
         known: dict[str, Capacity] = {}
         if not others:
@@ -164,10 +160,6 @@ def one_node(tests: Sequence[Blocks], copper_ohm: float = 0.0) -> tuple[float, f
     the winding swings above the body follows the square of the current and is no heat in the body.
     In short stretches it hides the body, in long ones the body has settled: either way the
     capacity is too small, so the larger one counts.
-
-    Args:
-        tests: Reduced records.
-        copper_ohm: As `scale_of_tests`.
     """
     found = [_balanced(tests, copper_ohm, num) for num in NUM_STRETCHES]
     return max((each for each in found if each is not None), default=None)

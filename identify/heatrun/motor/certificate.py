@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import datetime
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..errors import InputError, did_you_mean
+from ..errors import InputError
 from ..io.open_file import read_start
 from ..io.quantities import JOINERS
 from ..io.texts import LANGUAGES
-from ..io.toml_text import LARGEST_BYTES, check_keys, parse_toml, shown, text_of
+from ..io.toml_text import (
+    LARGEST_BYTES,
+    check_keys,
+    choice_of,
+    parse_toml,
+    section_of,
+    shown,
+    text_of,
+)
 from ..record.motor import INSTRUMENT_KEYS, PLACES, Certificate, Instrument
 
 NAME, LINES, PARAGRAPH = 120, 200, 500
@@ -46,10 +54,6 @@ MOST_INSTRUMENTS = 30
 def parse_certificate(section: Mapping[str, Any], where: str) -> Certificate:
     """Return what `[certificate]` of a motor file says.
 
-    Args:
-        section: Its keys; empty where there is none.
-        where: The file, for messages.
-
     Raises:
         InputError: If a key is not known, or a value is of another type, too long, no day, or holds
             a character that cannot be printed.
@@ -68,9 +72,9 @@ def parse_certificate(section: Mapping[str, Any], where: str) -> Certificate:
         )
     return Certificate(
         **given,
-        performed_at=_one_of(section, "performed_at", PLACES, at),
+        performed_at=choice_of(section, "performed_at", PLACES, at) or "",
         country=_country(section, at),
-        language=_one_of(section, "language", LANGUAGES, at),
+        language=choice_of(section, "language", LANGUAGES, at) or "",
         instruments=_instruments(section, where),
     )
 
@@ -85,23 +89,12 @@ def load_meta(path: str | Path) -> Certificate:
 
 
 def parse_meta(data: bytes, where: str) -> Certificate:
-    """Return what the file of `--meta` says; errors as `load_meta`.
-
-    Args:
-        data: The bytes of the file.
-        where: The file, for messages.
-    """
+    """Return what the file of `--meta` says; errors as `load_meta`."""
     content = parse_toml(data, where, "file of the certificate")
-    section = content.get("certificate", content)
-    if section is not content:
+    if "certificate" in content:
         check_keys(content, ("certificate",), where, "section")
-    if not isinstance(section, dict):
-        raise InputError(
-            f"Expected a section, got {shown(section)}.",
-            where=f"{where}, certificate",
-            remedy="Write [certificate] on a line of its own.",
-        )
-    return parse_certificate(section, where)
+        content = section_of(content, "certificate", where)
+    return parse_certificate(content, where)
 
 
 def _given(section: Mapping[str, Any]) -> dict[str, Any]:
@@ -141,19 +134,6 @@ def _day(section: Mapping[str, Any], key: str, where: str) -> str:
         where=where,
         remedy=f"Write year, month and day: {key} = 2026-03-04.",
     )
-
-
-def _one_of(section: Mapping[str, Any], key: str, words: Sequence[str], where: str) -> str:
-    """Return a word of a list; empty where the key is not given."""
-    value = section.get(key, "")
-    if key in section and value not in words:
-        near = did_you_mean(value, words) if isinstance(value, str) else ""
-        raise InputError(
-            f"Expected one of {', '.join(words)} for {key}, got {shown(value)}. {near}".strip(),
-            where=where,
-            remedy=f'Write {key} = "{words[0]}", for example.',
-        )
-    return value
 
 
 def _country(section: Mapping[str, Any], where: str) -> str:

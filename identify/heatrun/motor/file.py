@@ -14,11 +14,19 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Literal, cast, get_args
+from typing import Any, get_args
 
-from ..errors import InputError, did_you_mean
+from ..errors import InputError
 from ..io.open_file import read_start
-from ..io.toml_text import LARGEST_BYTES, check_keys, parse_toml, shown, text_of
+from ..io.toml_text import (
+    LARGEST_BYTES,
+    check_keys,
+    choice_of,
+    parse_toml,
+    section_of,
+    shown,
+    text_of,
+)
 from ..record.channels import BODIES, CHANNEL, body_name, parse_claims
 from ..record.motor import (
     EQUILIBRIA,
@@ -315,10 +323,6 @@ def next_of_population(section: Mapping[str, Any], where: str) -> NextMachine:
 def read_next_machine(folder: Path, where: str) -> NextMachine:
     """Return what a population says of its next machine before its first test.
 
-    Args:
-        folder: Of the population, or its file.
-        where: What asked for it, for messages.
-
     Raises:
         InputError: If there is no such file, or it is not one that heatrun wrote.
     """
@@ -327,7 +331,8 @@ def read_next_machine(folder: Path, where: str) -> NextMachine:
     try:
         content = json.loads(path.read_bytes())
         found = {name: _prior(said) for name, said in content["parameters"].items()}
-        heat = _heat(content.get("noise") or {})
+        noise = (content.get("noise") or {}).get("parameters", {}).get(HEAT)
+        heat = None if noise is None else float(noise["next_median"])
     except OSError as error:
         types = sorted(each.parent.name for each in folder.glob(f"*/{NAME}"))
         raise InputError(
@@ -349,18 +354,9 @@ def read_next_machine(folder: Path, where: str) -> NextMachine:
             remedy=remedy,
         )
     effects = dict.fromkeys(name.partition(".")[0] for name in found if "." in name)
-    return NextMachine(found, tuple(effects), _within_limits(heat))
-
-
-def _heat(noise: dict[str, Any]) -> float | None:
-    said = noise.get("parameters", {}).get(HEAT)
-    return None if said is None else float(said["next_median"])
-
-
-def _within_limits(heat: float | None) -> float | None:
-    """Return the heat as far as a motor file may say it: the tail of a law may reach beyond."""
-    low, high = HEAT_LIMITS
-    return None if heat is None else min(max(heat, low), high)
+    if heat is not None:  # as far as a motor file may say it: the tail of a law may reach beyond
+        heat = min(max(heat, HEAT_LIMITS[0]), HEAT_LIMITS[1])
+    return NextMachine(found, tuple(effects), heat)
 
 
 def _prior(said: dict[str, Any]) -> ParameterOverride:
@@ -382,34 +378,17 @@ INSULATION_CLASSES = tuple(LIMIT_DEGC)
 """Letters of IEC 60085, in the order of their temperature."""
 
 KEYS: dict[str, tuple[str, ...]] = {
-    "motor": (
-        "name",
-        "phases",
-        "losses",
-        "sink",
-        "insulation_class",
-        "equilibrium",
-        "rated_speed_rpm",
-        "rated_current_A",
-        "mass_kg",
-        "raster_s",
-        "decimal",
-    ),
-    "winding": (
-        "material",
-        "resistance_coefficient_degC",
-        "phase_resistance_ohm",
-        "reference_temperature_degC",
-        "measured_resistance_ohm",
-        "lead_resistance_ohm",
-        "conductor_mass_kg",
-    ),
+    "motor": ("name", "phases", "losses", "sink", "insulation_class", "equilibrium",
+              "rated_speed_rpm", "rated_current_A", "mass_kg", "raster_s", "decimal"),
+    "winding": ("material", "resistance_coefficient_degC", "phase_resistance_ohm",
+                "reference_temperature_degC", "measured_resistance_ohm", "lead_resistance_ohm",
+                "conductor_mass_kg"),
     "vehicle": ("gear_ratio", "wheel_radius_m"),
     "adequacy": ("unmodelled_heat", "heat_time_s"),
     "population": ("run",),
     "shutdown": tuple(one.name for one in fields(ShutDown)),
     "scales": tuple(one.name for one in fields(Scales)),
-}
+}  # fmt: skip
 """Sections with a fixed set of keys; `[columns]` and `[parameters.NAME]` have their own."""
 
 OVERRIDE_KEYS = ("fixed", "value", "relative_sd", "sd", "per_test")
@@ -450,12 +429,7 @@ def load_motor(path: str | Path) -> Motor:
 
 
 def parse_motor(data: bytes, where: str) -> Motor:
-    """Return the machine of a motor file; errors as `load_motor`.
-
-    Args:
-        data: The bytes of the file.
-        where: The file, for messages.
-    """
+    """Return the machine of a motor file; errors as `load_motor`."""
     content = parse_toml(data, where)
     check_keys(
         content,
@@ -463,14 +437,14 @@ def parse_motor(data: bytes, where: str) -> Motor:
         where,
         "section",
     )
-    sections = {name: _section(content, name, where) for name in KEYS}
+    sections = {name: section_of(content, name, where) for name in KEYS}
     for name, keys in KEYS.items():
         check_keys(sections[name], keys, f"{where}, [{name}]", "key")
     motor, winding, vehicle, adequacy, population, shutdown, scales = (
         sections[name] for name in KEYS
     )
     sisters = next_of_population(population, where)
-    effects = _effects(_section(content, "model", where), where)
+    effects = _effects(section_of(content, "model", where), where)
     if "name" not in motor:
         raise InputError(
             "Expected the name of the motor, found none.",
@@ -483,15 +457,10 @@ def parse_motor(data: bytes, where: str) -> Motor:
     return Motor(
         name=text_of(motor, "name", at),
         phases=_phases(motor, at),
-        losses=cast(
-            Literal["balance", "map"], _choice(motor, "losses", ("balance", "map"), at) or "balance"
-        ),
-        sink=cast(
-            Literal["ambient", "coolant"],
-            _choice(motor, "sink", ("ambient", "coolant"), at) or "ambient",
-        ),
-        insulation_class=_choice(motor, "insulation_class", INSULATION_CLASSES, at),
-        equilibrium=_choice(motor, "equilibrium", tuple(EQUILIBRIA), at) or Motor.equilibrium,
+        losses=choice_of(motor, "losses", ("balance", "map"), at) or "balance",
+        sink=choice_of(motor, "sink", ("ambient", "coolant"), at) or "ambient",
+        insulation_class=choice_of(motor, "insulation_class", INSULATION_CLASSES, at),
+        equilibrium=choice_of(motor, "equilibrium", tuple(EQUILIBRIA), at) or Motor.equilibrium,
         rated_speed_rpm=_number(motor, "rated_speed_rpm", POSITIVE, at),
         rated_current_A=_number(motor, "rated_current_A", POSITIVE, at),
         resistance_coefficient_degC=_coefficient(winding, at_winding),
@@ -506,51 +475,24 @@ def parse_motor(data: bytes, where: str) -> Motor:
         lead_resistance_ohm=_leads(winding, at_winding),
         gear_ratio=_number(vehicle, "gear_ratio", POSITIVE, at_vehicle),
         wheel_radius_m=_number(vehicle, "wheel_radius_m", POSITIVE, at_vehicle),
-        columns=parse_columns(_section(content, "columns", where), where),
-        constants=_constants(_section(content, "constants", where), where),
+        columns=parse_columns(section_of(content, "columns", where), where),
+        constants=_constants(section_of(content, "constants", where), where),
         parameters={
             **sisters.parameters,
-            **_parameters(_section(content, "parameters", where), where),
+            **_parameters(section_of(content, "parameters", where), where),
         },
-        sensors=_sensors(_section(content, "sensors", where), where),
-        tests=parse_parts(_section(content, "tests", where), where),
+        sensors=_sensors(section_of(content, "sensors", where), where),
+        tests=parse_parts(section_of(content, "tests", where), where),
         effects=tuple(dict.fromkeys((*effects, *sisters.effects))),
         scales=Scales(**{key: _number(scales, key, POSITIVE, at_scales) for key in scales}),
         adequacy=_adequacy(adequacy, sisters.unmodelled_heat, at_adequacy),
         shutdown=_shutdown(shutdown, at_shutdown),
-        certificate=parse_certificate(_section(content, "certificate", where), where),
+        certificate=parse_certificate(section_of(content, "certificate", where), where),
         raster_s=_number(motor, "raster_s", POSITIVE, at),
-        decimal=cast(Literal[".", ","] | None, _choice(motor, "decimal", (".", ","), at)),
+        decimal=choice_of(motor, "decimal", (".", ","), at),
         sha256=hashlib.sha256(data).hexdigest(),
         path=where,
     )
-
-
-def _section(content: Mapping[str, Any], name: str, where: str) -> Mapping[str, Any]:
-    section = content.get(name, {})
-    if not isinstance(section, dict):
-        raise InputError(
-            f"Expected a section, got {shown(section)}.",
-            where=f"{where}, {name}",
-            remedy=f"Write [{name}] on a line of its own.",
-        )
-    return section
-
-
-def _choice(
-    section: Mapping[str, Any], key: str, choices: tuple[str, ...], where: str
-) -> str | None:
-    if key not in section:
-        return None
-    value = section[key]
-    if value not in choices:
-        near = did_you_mean(value, choices) if isinstance(value, str) else ""
-        raise InputError(
-            f"Expected one of {', '.join(choices)} for {key}, got {shown(value)}. {near}".strip(),
-            where=where,
-            remedy=f'Write {key} = "{choices[0]}", for example.',
-        )
-    return value
 
 
 def _number(section: Mapping[str, Any], key: str, limits: Limits, where: str) -> float | None:
@@ -590,7 +532,7 @@ def _phases(motor: Mapping[str, Any], where: str) -> int:
 
 
 def _coefficient(winding: Mapping[str, Any], where: str) -> float:
-    material = _choice(winding, "material", tuple(COEFFICIENTS_degC), where)
+    material = choice_of(winding, "material", tuple(COEFFICIENTS_degC), where)
     coefficient = _number(winding, "resistance_coefficient_degC", COEFFICIENT_RANGE, where)
     if material is not None and coefficient is not None:
         raise InputError(
@@ -677,7 +619,7 @@ def _shutdown(section: Mapping[str, Any], where: str) -> ShutDown:
     said: dict[str, Any] = {}
     for key in section:
         if key == "utilisation_class":
-            said[key] = _choice(section, key, INSULATION_CLASSES, where)
+            said[key] = choice_of(section, key, INSULATION_CLASSES, where)
         else:
             is_share = key.endswith("_after") or (key.endswith("_sd"))
             said[key] = _number(section, key, SHARE_RANGE if is_share else NOT_NEGATIVE, where)

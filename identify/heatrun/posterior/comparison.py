@@ -89,10 +89,7 @@ def compare(
             until = good_until(one, limit)
             thresholds.append(
                 Threshold(
-                    test=name,
-                    limit_K=limit,
-                    until_s=until,
-                    second_until_s=good_until(two, limit),
+                    test=name, limit_K=limit, until_s=until, second_until_s=good_until(two, limit)
                 )
             )
             ends.append(f"within {limit:g} K {_until(until)}")
@@ -145,7 +142,8 @@ def verdict(
         models[small].evidence.log_evidence
     )
     held = _held_out(models[small], models[large], scores)
-    fitted = [_fitted_bodies(models[name]) for name in names]
+    bodies = (known(models[name].bodies) or () for name in names)
+    fitted = [sorted({row.body for row in rows if row.fitted}) for rows in bodies]
     if fitted[0] != fitted[1]:
         return _by_held_out(models, fitted, scores, held)
     if math.isnan(factor):
@@ -168,11 +166,6 @@ def verdict(
         log_score_difference=UNSET if scores is None else scores.difference,
         log_score_difference_se=UNSET if scores is None else scores.standard_error,
     )
-
-
-def _fitted_bodies(model: FittedModel) -> list[str]:
-    """Return the channels of the bodies that a network was fitted to."""
-    return sorted({row.body for row in known(model.bodies) or () if row.fitted})
 
 
 def _by_held_out(

@@ -213,10 +213,6 @@ def judge(
 ) -> Convergence:
     """Judge ensembles that ran apart. Takes 0.1 s for 256,000 draws of 13 parameters.
 
-    Args:
-        chains: Positions after burn-in, two steps or more.
-        wanted: What is asked of them.
-
     Reference: A. Vehtari, A. Gelman, D. Simpson, B. Carpenter, P.-C. Buerkner, Rank-normalization,
         folding, and localization: an improved R-hat, Bayesian Analysis 16 (2021) 667-718;
         C. C. Margossian et al., Nested R-hat: assessing the convergence of Markov chain Monte

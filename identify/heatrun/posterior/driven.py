@@ -267,11 +267,6 @@ def virtual_record(found: Prediction, record: Record, motor: Motor) -> pd.DataFr
 
     Every figure of a row is the mean over one step, and `time_s` its middle.
 
-    Args:
-        found: The prediction of the test.
-        record: The test.
-        motor: The machine.
-
     Returns:
         A table with a row for each step inside the record. Temperatures are medians over the
         draws; columns such as `winding_95_low_degC` hold the 95 % limits, with the noise of a
@@ -330,11 +325,6 @@ def virtual_record(found: Prediction, record: Record, motor: Motor) -> pd.DataFr
 def refuse_coarse_steps(model: Model, values: Mapping[str, float], blocks: Blocks) -> None:
     """Refuse a record whose steps are longer than the fastest node allows.
 
-    Args:
-        model: Network with effects.
-        values: Parameters of the network by name.
-        blocks: The reduced record.
-
     Raises:
         InputError: With both lengths.
     """
@@ -351,10 +341,6 @@ def refuse_coarse_steps(model: Model, values: Mapping[str, float], blocks: Block
 
 def refuse_runaway(found: Prediction, where: str) -> None:
     """Refuse a prediction that leaves the temperatures at which there is a machine.
-
-    Args:
-        found: The prediction.
-        where: What it was made of, for the message.
 
     Raises:
         InputError: With the time, and whether the copper feeds itself.

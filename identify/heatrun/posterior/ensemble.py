@@ -21,15 +21,7 @@ from ..model.draws import NUM_NOISE
 from .proposal import Proposal
 from .weighted import LEAST_EFFECTIVE, Weighted, evaluate
 
-CONTENT = (
-    "key",
-    "chain",
-    "log_density",
-    "coords",
-    "coords_density",
-    "random_keys",
-    "random_rest",
-)
+CONTENT = ("key", "chain", "log_density", "coords", "coords_density", "random_keys", "random_rest")
 """Names of the arrays of a chunk."""
 
 NUM_RANDOM_KEYS = 624

@@ -39,11 +39,7 @@ findings together may do so in 0.05, of which `missing_effect` takes 0.01."""
 
 
 def prior_findings(posterior: Posterior) -> list[Finding]:
-    """Return findings on the network's parameters and the instruments' errors.
-
-    Args:
-        posterior: Draws of a calibrated network.
-    """
+    """Return findings on the network's parameters and the instruments' errors."""
     values = posterior.values()
     scores = [
         (slot, slot.parameter.score(values[slot.name]))
@@ -126,12 +122,7 @@ counts as one with its node: a point is no mean of a body."""
 
 
 def fit_findings(posterior: Posterior, predictions: Sequence[Prediction]) -> list[Finding]:
-    """Return findings on the tests, held out or not, and on estimates that priors do not expect.
-
-    Args:
-        posterior: Draws of a calibrated network.
-        predictions: Of all tests.
-    """
+    """Return findings on the tests, held out or not, and on estimates that priors do not expect."""
     there = [p for p in predictions if p.is_there]
     tests = [_held_out(p) if p.is_held_out else _fitted(p) for p in there]
     bodies = [_body(p, body) for p in there for body in p.bodies]
@@ -238,23 +229,17 @@ LESS = 10.0**-0.5
 
 
 def distance(found: Fit) -> tuple[float, float]:
-    """Return how far a fit is from its tests, and how far least squares is (RMSE) [K].
-
-    Args:
-        found: The fit.
-    """
+    """Return how far a fit is from its tests, and how far least squares is (RMSE) [K]."""
     reached = found.stats.get("rmse_white_K", math.nan)
     return found.problem.rmse_K(np.concatenate(found.residual)), reached
 
 
-def is_overruled(found: Fit) -> bool:
-    """Return whether unmodelled heat keeps a network from tests that it could follow.
-
-    Args:
-        found: The fit.
+def is_overruled(found: Fit, times: float = OVERRULED) -> bool:
+    """Return whether unmodelled heat keeps a network so many times as far from tests as it could
+    follow them.
     """
     rmse, reached = distance(found)
-    return rmse > max(OVERRULED * reached, OVERRULED_K)
+    return rmse > max(times * reached, OVERRULED_K)
 
 
 def holding_heat(
@@ -280,7 +265,7 @@ def holding_heat(
     if not is_overruled(found) or problem.motor.adequacy != Adequacy():
         return found
     held, adequacy, nearest = found, usual, found
-    while _is_away(held) and adequacy.unmodelled_heat > HEAT_LIMITS[0]:
+    while is_overruled(held, FOLLOWS) and adequacy.unmodelled_heat > HEAT_LIMITS[0]:
         least = max(LESS * adequacy.unmodelled_heat, HEAT_LIMITS[0])
         adequacy = replace(adequacy, unmodelled_heat=least)
         model = replace(problem.model, adequacy=adequacy)
@@ -292,11 +277,6 @@ def holding_heat(
     if nearest is found:  # a search may end elsewhere, however little heat there is
         return found
     return replace(nearest, findings=(*nearest.findings, _finding(found, nearest)))
-
-
-def _is_away(found: Fit) -> bool:
-    rmse, reached = distance(found)
-    return rmse > max(FOLLOWS * reached, OVERRULED_K)
 
 
 def _finding(before: Fit, held: Fit) -> Finding:
@@ -350,9 +330,6 @@ def test_to_test(found: Fit) -> Scatter:
 
     Around the fit the model is linear in the logarithms of its parameters. The noise is estimated
     anew for each size, for it has swallowed what the tests do not have in common.
-
-    Args:
-        found: A fit of several tests.
     """
     problem = found.problem
     residual, jacobian = np.concatenate(found.residual), np.concatenate(found.jacobian)
@@ -400,11 +377,7 @@ def fit_with_changes(found: Fit, *, beyond: float = -np.inf, seed: int = 0) -> F
 
 
 def changes_finding(posterior: Posterior) -> Finding | None:
-    """Return the finding that tests disagree; None where they do not.
-
-    Args:
-        posterior: Draws of a fit from `fit_with_changes`.
-    """
+    """Return the finding that tests disagree; None where they do not."""
     problem = posterior.fit.problem
     size = problem.model.change_sd
     if not size:

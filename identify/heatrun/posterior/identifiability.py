@@ -86,7 +86,9 @@ def state(
             "identified" if relative_sd <= IDENTIFIED else "weak", "informed by the tests."
         )
     if contraction <= PRIOR_SPEAKS and relative_sd <= IDENTIFIED:
-        return Statement("identified", _basis(posterior))
+        return Statement(
+            "identified", f"the longest test spans {_spans(posterior):.1f} slow time constants."
+        )
     gain = longer().get(parameter.name)
     hint = "" if gain is None else f" {LONGER} ±{200 * gain:.1f} % (95 %)."
     if contraction > PRIOR_SPEAKS:
@@ -190,11 +192,6 @@ def slow_time_constant(posterior: Posterior) -> float:
     return values[capacitance] * values[resistance]
 
 
-def _basis(posterior: Posterior) -> str:
-    spans = _spans(posterior)
-    return f"the longest test spans {spans:.1f} slow time constants."
-
-
 def _blocking(posterior: Posterior, parameter: Parameter, relative_sd: float) -> str:
     spans = _spans(posterior)
     if parameter.name in posterior.fit.problem.model.form.body and spans < 2.5:
@@ -243,12 +240,6 @@ def check_reduction(
 
     Two things are lost in it: what the load does within a step, and what it did between two
     samples. Each is measured by simulating the fit once more on other means of the same record.
-
-    Args:
-        found: A fit whose network is simulated.
-        record: Any test of the motor.
-        blocks: The test as it was reduced.
-        motor: The machine.
     """
     error = reduction_error(found, record, blocks, motor)
     findings = [_coarse(blocks, error)] if error > COARSE_K else []

@@ -38,10 +38,6 @@ that is sound gains little (`duty_90min`: effective sizes of 11, 14, 11, 13 % of
 def importance_sample(fit: Fit, *, seed: int = 0) -> Weighted:
     """Draw from a posterior by following the model, and weigh by the density.
 
-    Args:
-        fit: Optima and covariance.
-        seed: Of the draws.
-
     Reference: A. Vehtari, D. Simpson, A. Gelman, Y. Yao, J. Gabry, Pareto Smoothed Importance
         Sampling, Journal of Machine Learning Research 25 (2024) 72.
     """
@@ -66,11 +62,6 @@ def linear_sample(fit: Fit, *, num_draws: int = 4096, seed: int = 0) -> Weighted
 
     Where no draw is possible, as where all lead to a network too stiff for the steps, the optimum
     stands for them: equal draws are never sound, and walkers can start from them.
-
-    Args:
-        fit: Optima and covariance.
-        num_draws: Number of draws.
-        seed: Of the draws.
     """
     rng = np.random.default_rng(seed)
     proposal = Proposal.around(fit, rng)
@@ -118,11 +109,6 @@ def sample_rto(fit: Fit, kernels: Kernels, rng: np.random.Generator) -> Weighted
     Draws around one optimum do not pass a fold of the model, behind which another optimum may lie.
     So an optimum that no draw came near is drawn around too, and each draw counts with the mean
     density of all proposals.
-
-    Args:
-        fit: The optima.
-        kernels: Density of the noise.
-        rng: Of the draws.
 
     Returns:
         The draws, or None where they leave out an optimum of the fit.

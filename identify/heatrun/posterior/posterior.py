@@ -275,11 +275,6 @@ def normal_draws(fit: Fit, *, seed: int = 0, behind: float | None = None) -> Pos
     """Return draws of the normal law around a fit, for where nothing better is to be had or needed.
 
     They are not held against the posterior: `Posterior.is_sound` is false.
-
-    Args:
-        fit: The fit.
-        seed: Random seed.
-        behind: As `Posterior.behind`.
     """
     rng = np.random.default_rng([seed, 2])
     values, axes = np.linalg.eigh(0.5 * (fit.covariance + fit.covariance.T))

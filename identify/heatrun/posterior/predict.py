@@ -73,9 +73,6 @@ def standard_error(series: Float[np.ndarray, " observed"]) -> float | None:
     freed of an autoregression of first order, the rest is summed with the weights of Bartlett, and
     the autoregression is put back (prewhitening).
 
-    Args:
-        series: Values in their order, in any unit.
-
     Returns:
         In the unit of the series. What stays alike over the whole series has its standard
         deviation as standard error, at most.

@@ -459,9 +459,7 @@ def _log_det(factor: Float[np.ndarray, "draw row row"]) -> Float[np.ndarray, " d
     return np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1)
 
 
-def _factors(
-    matrices: Float[np.ndarray, "draw row row"],
-) -> Float[np.ndarray, "draw row row"]:
+def _factors(matrices: Float[np.ndarray, "draw row row"]) -> Float[np.ndarray, "draw row row"]:
     """Return lower Cholesky factors; not a number for a matrix that has none."""
     return _of_each(np.linalg.cholesky, matrices)
 

@@ -247,12 +247,6 @@ def spread(fit: Fit, weighted: Weighted, num: int, rng: np.random.Generator) -> 
     dozens of times, and the end of an interval may rest on one of them. Some steps of differential
     evolution, which leave the posterior as it is, move the copies apart.
 
-    Args:
-        fit: What is sampled.
-        weighted: Draws with weights.
-        num: Number of draws wanted.
-        rng: Of the choice and of the steps.
-
     Reference: W. R. Gilks, C. Berzuini, Following a moving target: Monte Carlo inference for
         dynamic Bayesian models, Journal of the Royal Statistical Society B 63 (2001) 127-146
         (resample and move); C. J. F. ter Braak, A Markov chain Monte Carlo version of the genetic

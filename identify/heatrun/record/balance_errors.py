@@ -107,9 +107,6 @@ def together(tests: Sequence[Sequence[Told]]) -> list[tuple[Told, ...]]:
     is, follows from how far the tests differ; it is a fifth of the usual error at least, since a
     zero drifts with temperature.
 
-    Args:
-        tests: What each test tells by itself.
-
     Reference: R. DerSimonian, N. Laird, Meta-analysis in clinical trials, Controlled Clinical
         Trials 7 (1986) 177-188.
     """
@@ -157,12 +154,7 @@ def prior_of(motor: Motor, name: str, sd: float) -> Prior:
 
 
 def own_errors(record: Record, motor: Motor) -> tuple[Told, ...]:
-    """Return the errors that are a test's own: told by its inputs and not held by the motor file.
-
-    Args:
-        record: Any record.
-        motor: The machine.
-    """
+    """Return a test's own errors: told by its inputs and not held by the motor file."""
     told = told_by_inputs(record, motor)
     return tuple(each for each in told if not prior_of(motor, each.name, 0.0).is_fixed)
 

@@ -156,12 +156,7 @@ COMPUTED = "the worksheet computes it from the measured columns"
 
 WORKSHEET = ColumnMap(
     "thesis worksheet (t, Tw, P, Is)",
-    {
-        "t": "time_s",
-        "Is": "phase_current_A",
-        "P": "losses_W",
-        "Tw": "winding_degC",
-    },
+    {"t": "time_s", "Is": "phase_current_A", "P": "losses_W", "Tw": "winding_degC"},
     num_needed=7,
     refused={
         "Tw mod": "it holds the mean of the ambient in its first row alone",
@@ -281,11 +276,7 @@ TOLERANCE = 0.01
 
 
 def constant_notes(constants: Mapping[str, float]) -> tuple[str, ...]:
-    """Return a sentence for each scalar of a file.
-
-    Args:
-        constants: Name to value, in the file's unit.
-    """
+    """Return a sentence for each scalar of a file."""
     return tuple(
         f"Constant of the file: {name} = {value:g}"
         + (f", {MEANINGS[name]}." if name in MEANINGS else ".")
@@ -372,12 +363,6 @@ def columns_named(text: str) -> list[str]:
 
 def refuse_combination(channel: str, how: str, num_parts: int, where: str) -> None:
     """Refuse what cannot be combined.
-
-    Args:
-        channel: Canonical name.
-        how: `"mean"`, `"hottest"` or `"sum"`.
-        num_parts: Columns that are named.
-        where: The line of the motor file, for the message.
 
     Raises:
         InputError: If the channel is not of a quantity that is combined so, or fewer than two
@@ -666,9 +651,6 @@ ARITHMETIC = re.compile(r"\s[-+*/\u2212\u00d7]\s|[*\u00d7]")
 def instead_of(claim: Claim) -> str:
     """Return how to write what a line of `[columns]` asks for, where it is no column but looks like
     a rate, a function or a formula; else an empty text.
-
-    Args:
-        claim: The line, whose column no file has.
     """
     text = claim.text
     if claim.channel == "time_s" and re.match(r"rate\b", text, re.IGNORECASE):

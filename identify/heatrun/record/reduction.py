@@ -41,11 +41,7 @@ FEWEST_SAMPLES = 20
 
 
 def reduce(
-    record: Record,
-    motor: Motor,
-    *,
-    step_s: float | None = None,
-    block_s: float | None = None,
+    record: Record, motor: Motor, *, step_s: float | None = None, block_s: float | None = None
 ) -> Blocks:
     """Reduce a record to steps and blocks; power is conserved, nothing is smoothed.
 

@@ -75,11 +75,6 @@ def stretch_of(text: str) -> tuple[str, Stretch | None]:
 def parse_stretch(start: str, end: str, where: str) -> Stretch:
     """Return the stretch between two texts such as `10 min` and `1.5 h`; empty is open.
 
-    Args:
-        start: Its begin, a time or a row.
-        end: Its end.
-        where: What to name in an error.
-
     Raises:
         InputError: If one of them is neither, or the end is not behind the start.
     """
@@ -99,11 +94,6 @@ def parse_time(
     remedy: str = "Write a stretch as FILE@10min..90min, rows as FILE@row 1..row 5000.",
 ) -> float:
     """Return a time such as `600s`, `10 min` or `1.5h` in seconds.
-
-    Args:
-        text: The time.
-        where: What to name in an error.
-        remedy: What to do about one.
 
     Raises:
         InputError: If it is none.
@@ -135,11 +125,6 @@ def in_order(stretch: Stretch, where: str) -> Stretch:
 
 def cut(record: Record, stretch: Stretch, said_by: str) -> Record:
     """Return the part of a record, with its times as they are.
-
-    Args:
-        record: The whole.
-        stretch: The part.
-        said_by: Who asks for it, for the note.
 
     Raises:
         InputError: If the record has no sample there.

@@ -34,12 +34,7 @@ class Question:
     remedy: str = ""
 
     def asked(self, channel: str, where: str) -> InputError:
-        """Return the question as the error that ends the reading.
-
-        Args:
-            channel: What the column is to become.
-            where: File and column.
-        """
+        """Return the question as the error that ends the reading."""
         lines = " or ".join(f'{channel} = "{answer}"' for answer in self.answers)
         remedy = f"Say which in the motor file: [columns] {lines}." if lines else self.remedy
         return InputError(self.problem, where=where, remedy=remedy)
@@ -159,9 +154,6 @@ def told_apart(table: Table) -> Table:
 
     A line of `[columns]` can then name each of them; the name that they share stays a question,
     also to a line of `[columns]`. What stands over a column, and with it its unit, stays as it is.
-
-    Args:
-        table: What a reader returned.
     """
     table = _without_repeats(table)
     counts = Counter(column.name for column in table.columns)
@@ -236,12 +228,7 @@ REMEDY = (
 
 
 def no_signals(kind: str, where: str) -> InputError:
-    """Return the error for a log of frames.
-
-    Args:
-        kind: What the file is.
-        where: The file.
-    """
+    """Return the error for a log of frames."""
     return InputError(
         f"The file holds raw bus frames ({kind}), no signals.", where=where, remedy=REMEDY
     )

@@ -377,12 +377,7 @@ def quantities_of(spelling: str) -> tuple[str, ...]:
 
 
 def refusal(spelling: str, quantity: str) -> str | None:
-    """Return why a unit that exists does not determine a quantity, or None.
-
-    Args:
-        spelling: Unit as the file writes it.
-        quantity: Key of `QUANTITIES`.
-    """
+    """Return why a unit that exists does not determine a quantity, or None."""
     known = len(spelling) <= LONGEST_UNIT
     return _refused(quantity).get(_key(spelling).casefold()) if known else None
 

@@ -23,14 +23,6 @@ from ..results.values import BudgetRow, Interval, known, number
 from ..runs.verdict import favoured, headline
 from .printed import COVERAGE_FACTOR, format_value, num_stated, printed, test_days, uncertain
 
-JUDGEMENTS = {
-    "identified": "identified",
-    "weak": "weak",
-    "not identifiable": "not_identifiable",
-    "fixed": "fixed",
-}
-"""Key of the text on how well a parameter is known."""
-
 MOST_ON_PAGE_1, MOST_LETTERS = 6, 450
 """Instruments, and letters of all together, that page 1 has room for."""
 
@@ -134,7 +126,7 @@ def judged(entry: FittedParameter, say: Texts = ENGLISH) -> str:
     is_given = entry.unit == "ohm" and judgement == "not identifiable"
     if not judgement:
         return ""
-    return say("of_motor_file" if is_given else JUDGEMENTS[judgement])
+    return say("of_motor_file" if is_given else judgement.replace(" ", "_"))
 
 
 @dataclass(frozen=True)

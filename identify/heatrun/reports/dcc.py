@@ -66,13 +66,7 @@ UNITS: dict[str, str] = {
 
 
 def add(parent: Element, name: str, text: str | None = None) -> Element:
-    """Add an element of the DCC to another one.
-
-    Args:
-        parent: The other one.
-        name: Its name.
-        text: What stands in it; None for nothing.
-    """
+    """Add an element of the DCC to another one."""
     return _add(parent, DCC, name, text)
 
 
@@ -169,15 +163,10 @@ HOW = (
 
 
 def add_results(root: Element, about: Element, result: FitResult, certificate: Certificate) -> None:
-    """Add the statements and the results to a certificate.
-
-    Args:
-        root: The certificate.
-        about: Its administrative data.
-        result: What stands in `fit.json`.
-        certificate: What the laboratory states.
-    """
-    _statements(add(about, "statements"), result, certificate)
+    """Add the statements and the results to a certificate."""
+    said = headline(result)
+    use = " ".join((said.sentence, *map(clean, said.reasons)))
+    add_statements(add(about, "statements"), use, certificate)
     measured = add(add(root, "measurementResults"), "measurementResult")
     network = result.models[favoured(result)]
     add_text(measured, "name", f"Thermal network, {network.title}")
@@ -207,16 +196,7 @@ def add_method(
     version: str,
     certificate: Certificate,
 ) -> None:
-    """Add method, software and instruments to a result.
-
-    Args:
-        measured: The result.
-        name: Of the method.
-        how: It in words.
-        references: What it rests on.
-        version: Of heatrun, when the result was made.
-        certificate: What the laboratory states.
-    """
+    """Add method, software and instruments to a result."""
     method = add(add(measured, "usedMethods"), "usedMethod")
     add_text(method, "name", name)
     add_text(method, "description", how)
@@ -227,11 +207,6 @@ def add_method(
     add(software, "release", version)
     if certificate.instruments:
         _instruments(add(measured, "measuringEquipments"), certificate)
-
-
-def _statements(parent: Element, result: FitResult, certificate: Certificate) -> None:
-    said = headline(result)
-    add_statements(parent, " ".join((said.sentence, *map(clean, said.reasons))), certificate)
 
 
 def add_statements(parent: Element, use: str, certificate: Certificate) -> None:
@@ -390,10 +365,6 @@ needed."""
 def dcc_text(result: FitResult, certificate: Certificate) -> bytes:
     """Return the Digital Calibration Certificate of a run.
 
-    Args:
-        result: What stands in `fit.json`.
-        certificate: What the laboratory states.
-
     Raises:
         InputError: If it does not state what such a certificate must say.
     """
@@ -407,12 +378,6 @@ def begun(
     certificate: Certificate, days: TestDays, machine: str, version: str = __version__
 ) -> tuple[Element, Element]:
     """Return a certificate with its administrative data, and these.
-
-    Args:
-        certificate: What the laboratory states.
-        days: Of the tests.
-        machine: Name of the machine.
-        version: Of heatrun, when the result was made.
 
     Raises:
         InputError: As `dcc_text`.

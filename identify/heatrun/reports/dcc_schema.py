@@ -22,10 +22,6 @@ MOST_TOLD = 3
 def validate(document: bytes, schema: Path) -> None:
     """Check a certificate against the schema.
 
-    Args:
-        document: The XML.
-        schema: `dcc.xsd`.
-
     Raises:
         InputError: If xmlschema is not installed, the schema cannot be read, or the certificate
             violates it.

@@ -47,14 +47,7 @@ LABELS = (
 
 
 def write_report(result: DiscoveryResult, figures: Sequence[Path], path: Path, say: Texts) -> Path:
-    """Write the report as PDF.
-
-    Args:
-        result: What stands in `discovery.json`.
-        figures: Before and after first, then where.
-        path: Where it goes; written whole or not at all.
-        say: The texts in the language of the report.
-    """
+    """Write the report as PDF."""
     return typeset(TEMPLATES / "discovery.typ", report_content(result, say), figures, path)
 
 
@@ -212,17 +205,7 @@ def draw_all(
     folder: Path,
     say: Texts,
 ) -> list[Path]:
-    """Draw the figures as PNG: before and after first, then where for each test.
-
-    Args:
-        predictions: Of base and final model, one pair per test.
-        roles: Role of each test.
-        tests: The calibration tests.
-        before: What the base model misses.
-        after: What the final model misses.
-        folder: Where the files go.
-        say: The texts in the language of the report.
-    """
+    """Draw the figures as PNG: before and after first, then where for each test."""
     folder.mkdir(parents=True, exist_ok=True)
     written = [save(gap(predictions, roles, say), folder / "before_after.png")]
     for index, test in enumerate(tests):
@@ -233,9 +216,7 @@ def draw_all(
 
 
 def gap(
-    predictions: Sequence[tuple[Prediction, Prediction]],
-    roles: Sequence[str],
-    say: Texts = ENGLISH,
+    predictions: Sequence[tuple[Prediction, Prediction]], roles: Sequence[str], say: Texts = ENGLISH
 ) -> Figure:
     """Return the errors over time before and after, with the bands of the final model."""
     num = len(predictions)

@@ -75,15 +75,7 @@ def drawn(figure: Callable[[], Figure], path: Path, attempts: Attempts) -> Path 
 
 
 def course(name: str, role: str, table: pd.DataFrame, network: str, say: Texts) -> Figure:
-    """Return the course of one test: winding with bands, residuals, load.
-
-    Args:
-        name: The test.
-        role: Its role.
-        table: Its courses.
-        network: The network that is drawn.
-        say: The texts in the language of the sheet.
-    """
+    """Return the course of one test: winding with bands, residuals, load."""
     figure = Figure(figsize=(7.2, 6.4))
     top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=[3.2, 1.2, 1.2])
     minutes = table["time_s"] / 60.0

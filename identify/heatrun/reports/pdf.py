@@ -45,11 +45,7 @@ class Shown:
 
 
 def shown(content: Mapping[str, Any]) -> Shown:
-    """Return the content of a document as the fonts of this machine can show it.
-
-    Args:
-        content: Strings, numbers, lists and objects.
-    """
+    """Return the content of a document as the fonts of this machine can show it."""
     letters = {c for c in json.dumps(content, ensure_ascii=False) if ord(c) >= ALWAYS_THERE}
     foreign = _lost(frozenset(letters), brought_alone=True)
     lost = _lost(foreign, brought_alone=False)
@@ -179,9 +175,6 @@ def write_pdf(content: Mapping[str, Any], figures: Sequence[Path], path: Path) -
 def aspect_on_page_1(content: Mapping[str, Any]) -> float:
     """Return height over width of the room that page 1 has for its figure [1]; where it is too low,
     as on page 2.
-
-    Args:
-        content: From `sheet_content`.
     """
     found = shown(_texts(content))
     with tempfile.TemporaryDirectory() as name:

@@ -41,8 +41,7 @@ def format_value(value: float | None, uncertainty: float | None) -> tuple[str, s
         return "not determined", "–"
     if uncertainty is None or not math.isfinite(uncertainty) or uncertainty <= 0:
         return rounded(value, 5), "–"
-    # rounded first: 0.0996 has two significant digits as 0.10
-    places = 1 - math.floor(math.log10(float(f"{uncertainty:.1e}")))
+    places = places_of(uncertainty)
     return fixed(value, places), fixed(uncertainty, places)
 
 
@@ -107,11 +106,7 @@ class Printed:
 
 
 def printed(entry: FittedParameter) -> Printed:
-    """Return a parameter as it is printed, with the digits that its uncertainty warrants.
-
-    Args:
-        entry: The parameter.
-    """
+    """Return a parameter as it is printed, with the digits that its uncertainty warrants."""
     if entry.fixed or not entry.sd > 0 or not math.isfinite(entry.sd):
         return Printed(quantity(rounded(entry.value, 5), entry.unit), "given", None)
     return uncertain(entry.value, entry.sd, entry.interval_95, entry.unit)
@@ -164,13 +159,11 @@ def interval_ends(interval: Interval, sd: float) -> tuple[str, str]:
 def places_of(uncertainty: float) -> int:
     """Return the decimal places of an uncertainty of two significant digits.
 
-    Args:
-        uncertainty: Above 0.
-
     Example:
         >>> places_of(20.0), places_of(0.00996), places_of(370.0)
         (0, 3, -1)
     """
+    # rounded first: 0.0996 has two significant digits as 0.10
     return 1 - math.floor(math.log10(float(f"{uncertainty:.1e}")))
 
 
@@ -201,10 +194,6 @@ def test_days(result: FitResult, certificate: Certificate) -> TestDays:
 
     A day that the certificate states goes before that of a record. Where the record of one test has
     no date, those of the others say nothing of the whole.
-
-    Args:
-        result: What stands in `fit.json`.
-        certificate: What the laboratory states.
     """
     first, last = _by_record(result)
     begin = certificate.test_from or certificate.test_until

@@ -35,15 +35,7 @@ def add_courses(
     tables: Sequence[tuple[str, str, pd.DataFrame]],
     say: Texts,
 ) -> None:
-    """Write a sheet for each test; the residual is a formula, the chart follows the cells.
-
-    Args:
-        book: The workbook.
-        cells: Its formats.
-        network: The network that is certified.
-        tables: Name, role and courses of each test.
-        say: The texts in the language of the workbook.
-    """
+    """Write a sheet for each test; the residual is a formula, the chart follows the cells."""
     head = [say(key) for key in ("time_min", "chart_measured", "chart_model", "chart_residual")]
     for number, (name, role, table) in enumerate(tables, start=1):
         title = say("sheet_chart", number=number)

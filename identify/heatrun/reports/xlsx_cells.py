@@ -131,15 +131,7 @@ PARAMETERS = ("parameter", "meaning", "value", "expanded", "low_95", "high_95", 
 def add_certificate(
     book: Any, cells: Cells, result: FitResult, content: Mapping[str, Any], say: Texts
 ) -> None:
-    """Write the sheet.
-
-    Args:
-        book: The workbook.
-        cells: Its formats.
-        result: What stands in `fit.json`.
-        content: The same from `sheet_content`.
-        say: The texts in the language of the content.
-    """
+    """Write the sheet."""
     said = content["certificate"]
     sheet = book.add_worksheet(say("sheet_certificate"))
     sheet.write_string(0, 0, f"{said['title']}: {content['title']}", cells.bold)

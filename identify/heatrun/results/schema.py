@@ -64,12 +64,7 @@ def schema_of(name: str, schemas: Schemas = SCHEMAS) -> dict[str, Any]:
 
 
 def print_schemas(names: Sequence[str], schemas: Schemas = SCHEMAS) -> int:
-    """Print schemas, or the names that there are, and return the exit code.
-
-    Args:
-        names: Of them.
-        schemas: As for `schema_of`.
-    """
+    """Print schemas, or the names that there are, and return the exit code."""
     unknown = [name for name in names if name not in schemas]
     if unknown or not names:
         print(*schemas, sep="\n", file=sys.stderr if unknown else sys.stdout)

@@ -168,12 +168,7 @@ class Sample(NamedTuple):
 
 
 def duty_current(rated: Rated, duty: Duty) -> DerivedFigure:
-    """Return the largest current of a duty at the limit; at rest it stands still without losses.
-
-    Args:
-        rated: The machine.
-        duty: The duty.
-    """
+    """Return the largest current of a duty at the limit; at rest it stands still without losses."""
     if rated.limit is None or rated.refusal():
         return refused(rated.refusal())
     seen, limit = rated.seen, rated.limit

@@ -23,14 +23,7 @@ from lptn.effects import AbstractEffect
 from ..errors import InputError
 from ..results.model import DerivedFigure
 from ..results.values import known
-from .duties import (
-    NO_CLASS,
-    NO_CURRENT,
-    Limit,
-    Rated,
-    continuous,
-    limits_of,
-)
+from .duties import NO_CLASS, NO_CURRENT, Limit, Rated, continuous, limits_of
 from .figures_of_draws import DrawValues, alone, extrapolated, with_effects
 from .machine import RAD_PER_S, SAME_LOAD, Machine, Tested, machines
 from .ratings_figures import rates, rating

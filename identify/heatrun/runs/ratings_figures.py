@@ -78,10 +78,7 @@ class Rates(NamedTuple):
 
 @compiled("model", is_seldom=True)
 def rates(
-    model: Model,
-    values: dict[str, Float[Array, " draw"]],
-    loaded: Drive,
-    winding: Float[Array, ""],
+    model: Model, values: dict[str, Float[Array, " draw"]], loaded: Drive, winding: Float[Array, ""]
 ) -> Rates:
     """Return the rates of each draw; compiled once per model.
 
@@ -389,12 +386,7 @@ LONGEST_PAUSE, NUM_HALVINGS = 5.0, 20
 
 
 def until_limit(rated: Rated, asked: Stated) -> dict[str, DerivedFigure]:
-    """Return the time to the limit, or the starts until it and the pause before the next one.
-
-    Args:
-        rated: The machine.
-        asked: The load.
-    """
+    """Return the time to the limit, or the starts until it and the pause before the next one."""
     name = f"time_to_limit_{asked.name}_s"
     names = [f"{what}_{asked.name}_{start}{unit}" for start in ("cold", "hot")
              for what, unit in (("starts", ""), ("pause", "_s"))]  # fmt: skip

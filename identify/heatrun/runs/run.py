@@ -87,13 +87,8 @@ def model_text(found: ModelOfRun) -> bytes:
     return tomli_w.dumps(content).encode()
 
 
-def read_model(data: bytes, where: str, files: Sequence[Path] = ()) -> ModelOfRun:
+def read_model(data: bytes, where: str) -> ModelOfRun:
     """Return the model of a text.
-
-    Args:
-        data: The bytes of the file.
-        where: The file, for messages.
-        files: Python files with effects of the user's own.
 
     Raises:
         InputError: If the text is damaged, or names an effect that is not there.
@@ -109,7 +104,7 @@ def read_model(data: bytes, where: str, files: Sequence[Path] = ()) -> ModelOfRu
         phases=losses["phases"],
         reference_temperature=losses["reference_temperature_degC"],
         coefficient=losses["coefficient_degC"],
-        effects=effects_named([*form.effects, *content["effects"]], where, files),
+        effects=effects_named([*form.effects, *content["effects"]], where),
         adequacy=Adequacy(**content.get("adequacy", {})),  # runs of old do not say
         change_sd=content.get("change_sd", 0.0),
     )
@@ -514,9 +509,6 @@ CERTIFICATE = "certificate.toml"
 def certificate_of(run: Run) -> Certificate:
     """Return what `[certificate]` of the motor file and later `--meta` said of a run.
 
-    Args:
-        run: The run.
-
     Raises:
         InputError: If a file of the run is damaged or was changed.
     """
@@ -529,13 +521,7 @@ def certificate_of(run: Run) -> Certificate:
 def plot_courses(
     tests: Sequence[tuple[str, str]], courses: Sequence[pd.DataFrame], network: str
 ) -> Any:
-    """Return a matplotlib figure with one axis for each test.
-
-    Args:
-        tests: Name and role of each test.
-        courses: Their courses as a run holds them.
-        network: Whose prediction is drawn.
-    """
+    """Return a matplotlib figure with one axis for each test."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.0, 2.6 * len(tests)), layout="constrained")

@@ -96,11 +96,6 @@ def found_from(path: str, run: Path) -> str:
 def refuse_changed(file: SourceFile, run: Path, kind: str) -> None:
     """Refuse a file that is not what it was when the run was made.
 
-    Args:
-        file: The file.
-        run: The run folder, for the message.
-        kind: What the file is, for the message.
-
     Raises:
         InputError: If it is gone or has changed.
     """
@@ -128,11 +123,6 @@ def refuse_changed(file: SourceFile, run: Path, kind: str) -> None:
 def default_folder(motor: Motor, test: Record, order: str) -> Path:
     """Return where a run goes if no folder is given: named after motor and first test, once where
     they have one name.
-
-    Args:
-        motor: The machine.
-        test: The first test.
-        order: What is calibrated, in a word.
     """
     words = "-".join(dict.fromkeys((motor.name, test.name, order)))
     return Path("results") / "runs" / folder_name(words)
@@ -270,13 +260,7 @@ def listing(folder: Path) -> dict[str, str]:
 
 
 def free_place(path: Path, identity: Mapping[str, Any], further: Sequence[str] = ()) -> Path:
-    """Return a path, or the first of its numbers, that holds nothing or a run of the same.
-
-    Args:
-        path: As wished.
-        identity: As `RunFolder.begin`.
-        further: As `RunFolder.begin`.
-    """
+    """Return a path, or the first of its numbers, that holds nothing or a run of the same."""
     whole = _digest([_digest(identity), *further])
     return next(place for place in numbered(path) if not _holds_another(place, whole))
 
@@ -355,11 +339,6 @@ def environment() -> dict[str, Any]:
 
 def read_listed(run: Path, name: str, read: Callable[[Path], bytes] = Path.read_bytes) -> bytes:
     """Return a file of a run, which is what the manifest says.
-
-    Args:
-        run: The run folder.
-        name: Name of the file in it.
-        read: Reads a file.
 
     Raises:
         InputError: If the folder is no run, or the file is missing, damaged or was changed.

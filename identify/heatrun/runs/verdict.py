@@ -60,11 +60,7 @@ def favoured(result: FitResult) -> str:
 
 
 def headline(result: FitResult) -> UseVerdict:
-    """Return whether the network that the data favour can be used, and for what not.
-
-    Args:
-        result: What stands in `fit.json`.
-    """
+    """Return whether the network that the data favour can be used, and for what not."""
     model = result.models[favoured(result)]
     title = _title(model)
     free = {name: entry for name, entry in thermal(model).items() if not entry.fixed}

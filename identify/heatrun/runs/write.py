@@ -36,13 +36,6 @@ def write_run(
 ) -> Run:
     """Write everything that `heatrun.open_run` reads into an unfinished run folder.
 
-    Args:
-        folder: The folder.
-        motor: The machine.
-        result: What stands in `fit.json`.
-        posteriors: By name of the network.
-        predictions: By name of the network, one per test.
-
     Returns:
         The run as it is in its unfinished folder.
 

@@ -135,9 +135,7 @@ HEAT_SD = NOISE[NUM_FILTER].sd
 
 
 def _contraction(
-    swept: Float[Array, "column column lane"],
-    outer: Float[Array, "rest rest lane"],
-    num: int,
+    swept: Float[Array, "column column lane"], outer: Float[Array, "rest rest lane"], num: int
 ) -> Float[Array, "column column lane"]:
     """Return C of a test: heat and moments of load steps first, then the residual and the
     parameters, as its columns are. The first `num` columns of the inner products are swept out;

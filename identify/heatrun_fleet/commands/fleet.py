@@ -30,8 +30,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         metavar="first|second|FILE.toml",
         help="network of all machines (default: that of the fleet file, or second)",
     )
-    words.add_out(parser, "folder of the fleet (default: results/fleets/NAME)")
-    words.add_force(parser)
+    words.add(parser, "--out: folder of the fleet (default: results/fleets/NAME)", "--force")
     parser.add_argument(
         "--workers",
         type=_count,
@@ -73,8 +72,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "(fleet_discovery.json); needs ten machines of a type, and a tenth of a second or more "
         "for each",
     )
-    words.add_seed(parser)
-    words.add_json(parser)
+    words.add(parser, "--seed", "--json")
     return parser
 
 

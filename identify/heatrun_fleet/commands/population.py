@@ -43,14 +43,10 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         "numbers as they are, dates (2026-03-31) in years, other texts as categories; may be given "
         "again",
     )
-    words.add_out(
-        parser,
-        "folder of the population, which [population] run of a motor file takes (default: "
-        "results/populations/TYPE)",
-    )
-    words.add_force(parser)
-    words.add_seed(parser)
-    words.add_json(parser)
+    words.add(
+        parser, "--out: folder of the population, which [population] run of a motor file takes "
+        "(default: results/populations/TYPE)", "--force", "--seed", "--json",
+    )  # fmt: skip
     return parser
 
 

@@ -65,9 +65,6 @@ def is_fleet(source: object) -> bool:
 def read_fleet(source: FleetResult | str | Path) -> FleetRows:
     """Return the rows of a fleet.
 
-    Args:
-        source: Its folder, `machines.parquet`, or what `heatrun.calibrate_fleet` returns.
-
     Raises:
         InputError: If there is no such file, or it is none that heatrun wrote.
     """

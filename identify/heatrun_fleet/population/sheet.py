@@ -317,9 +317,7 @@ def shown_machines(machines: Sequence[PopulationMachine]) -> list[PopulationMach
 
 
 def _figure(
-    result: PopulationResult,
-    names: Sequence[str],
-    shown: Sequence[PopulationMachine],
+    result: PopulationResult, names: Sequence[str], shown: Sequence[PopulationMachine]
 ) -> Figure:
     has_names = len(shown) <= MOST_NAMES
     height_in = 1.3 * len(names) + (1.1 if has_names else 0.6)

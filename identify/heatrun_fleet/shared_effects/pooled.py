@@ -77,9 +77,6 @@ def evidence_of(fit: Fit) -> Evidence:
 
     Those of many machines add up. What an effect is told by, less what network, instruments and
     starts could mimic, is in them; so is how far errors that all machines share would move it.
-
-    Args:
-        fit: Of the network alone.
     """
     problem = fit.problem
     kinds = [kind for kind in all_effects() if kind.card.family != EVENT]

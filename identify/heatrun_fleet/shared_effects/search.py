@@ -255,8 +255,7 @@ def claim(
         ),
         spread=column.scale * spread,
         visible_K=ValueWithInterval(
-            value=at * visible,
-            interval_95=(max(0.0, at - half) * visible, (at + half) * visible),
+            value=at * visible, interval_95=(max(0.0, at - half) * visible, (at + half) * visible)
         ),
         statistic=float(found.test.statistic[best]),
         familywise_p=float((1 + np.sum(found.chance >= strength)) / (1 + found.chance.size)),

@@ -19,6 +19,9 @@ from jaxtyping import Array, Float
 from ..inputs import Drive, Inputs
 from ..network import CopperLosses, Link, Network
 
+Temperatures = Mapping[str, Float[Array, "..."]]
+"""Of the nodes by name [degC]."""
+
 
 class Quantity(NamedTuple):
     """A parameter of an effect.
@@ -90,9 +93,7 @@ class HeatEffect(AbstractEffect):
     """An effect on the heat balance: a source, a conductance, the sink."""
 
     @abc.abstractmethod
-    def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
-    ) -> Terms:
+    def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """Return the balance with the effect in it.
 
         Args:
@@ -207,9 +208,7 @@ class Terms:
         """Return the terms with another temperature of the boundary [degC]."""
         return replace(self, sink=temperature)
 
-    def far_end(
-        self, link: Link, temperature: Mapping[str, Float[Array, "..."]]
-    ) -> Float[Array, "..."]:
+    def far_end(self, link: Link, temperature: Temperatures) -> Float[Array, "..."]:
         """Return the temperature at the second end of a link [degC], a node or a sink."""
         end = link[1]
         if end == self.network.boundary:
@@ -218,9 +217,7 @@ class Terms:
             return self.second_sink
         return temperature[end]
 
-    def flow(
-        self, link: Link, temperature: Mapping[str, Float[Array, "..."]]
-    ) -> Float[Array, "..."]:
+    def flow(self, link: Link, temperature: Temperatures) -> Float[Array, "..."]:
         """Return the heat flow [W] through a link, from its first end to its second."""
         difference = temperature[link[0]] - self.far_end(link, temperature)
         return self.conductance[link] * difference
@@ -281,9 +278,7 @@ def applies(kind: type[AbstractEffect], network: Network) -> bool:
 
 
 def build(
-    kind: type[Effect],
-    values: Mapping[str, Float[Array, ""] | float],
-    network: Network,
+    kind: type[Effect], values: Mapping[str, Float[Array, ""] | float], network: Network
 ) -> Effect:
     """Return an effect with its parameters, placed in a network.
 

@@ -11,7 +11,16 @@ from jaxtyping import Array, Float
 
 from ..inputs import Drive, Inputs
 from ..network import Network
-from .base import EffectCard, HeatEffect, NodeEffect, Quantity, SensorEffect, Terms, at_load
+from .base import (
+    EffectCard,
+    HeatEffect,
+    NodeEffect,
+    Quantity,
+    SensorEffect,
+    Temperatures,
+    Terms,
+    at_load,
+)
 
 LEAST_CAPACITY = 1e-9
 """Capacity that is left at the null value, where 0/0 would stand [J/K]."""
@@ -134,9 +143,7 @@ class RotorNode(NodeEffect, HeatEffect):
         """Return the start with the rotor at the stator's temperature, as after a long soak."""
         return dict(start) | {ROTOR: start[self.node]}
 
-    def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
-    ) -> Terms:
+    def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """As `HeatEffect.apply`."""
         # the same tiny heat as of the conductance: the rotor's temperature is regular at P = 0
         moved = (self.P + LEAST_HEAT) * at_load(drive, "rotor_node", self.n, self.m)
@@ -201,9 +208,7 @@ class EndWindingNode(NodeEffect, HeatEffect, SensorEffect):
         """Return the start with the overhang at the winding's temperature."""
         return dict(start) | {OVERHANG: start["winding"]}
 
-    def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
-    ) -> Terms:
+    def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """As `HeatEffect.apply`."""
         moved = (self.f + LEAST_SHARE) * terms.copper
         return terms.move_heat(terms.network.copper_node, OVERHANG, moved)
@@ -266,9 +271,7 @@ class HousingNode(NodeEffect):
         whole = network.resistance[self.link]
         conductance = (self.x + LEAST_SHARE) / ((1.0 - self.x) * whole)
         return network.with_node(
-            HOUSING,
-            capacitance=self.tau * conductance,
-            links={self.link[0]: 1.0 / conductance},
+            HOUSING, capacitance=self.tau * conductance, links={self.link[0]: 1.0 / conductance}
         )
 
     def start(self, start: Mapping[str, Float[Array, ""]]) -> dict[str, Float[Array, ""]]:
@@ -359,9 +362,7 @@ class WindingNode(NodeEffect, HeatEffect):
         (winding,) = start
         return {winding: start[winding], BODY: start[winding]}
 
-    def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
-    ) -> Terms:
+    def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """As `HeatEffect.apply`; nothing changes where the resistance is that of a machine."""
         winding, capacity = terms.network.copper_node, terms.network.capacitance
         C = capacity[winding] + capacity[BODY]

@@ -7,7 +7,6 @@ is not at the temperature that the bench records.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 import equinox as eqx
@@ -16,7 +15,7 @@ from jaxtyping import Array, Float
 
 from ..inputs import Drive
 from ..network import Network
-from .base import EffectCard, HeatEffect, Quantity, Terms, power, require
+from .base import EffectCard, HeatEffect, Quantity, Temperatures, Terms, power, require
 
 REFERENCE_DEGC = 60.0
 """Temperature that Req,w holds for [degC]."""
@@ -47,13 +46,11 @@ class InsulationConductivity(HeatEffect):
         parameters={
             "b": Quantity(
                 "1/K", 0.0, -0.002, 0.006, 0.003, "temperature coefficient of the conductivity"
-            ),
+            )
         },
     )
 
-    def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
-    ) -> Terms:
+    def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """As `HeatEffect.apply`."""
         rise = temperature[self.link[0]] - REFERENCE_DEGC
         return terms.scale_conductance(self.link, 1.0 + self.b * rise)
@@ -83,13 +80,11 @@ class ContactDrift(HeatEffect):
         separating_test="the same step of current at the beginning and at the end of the test, "
         "equally warm",
         parameters={
-            "d": Quantity("1/h", 0.0, 0.0, 0.15, 0.05, "relative rise of the resistance per hour"),
+            "d": Quantity("1/h", 0.0, 0.0, 0.15, 0.05, "relative rise of the resistance per hour")
         },
     )
 
-    def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
-    ) -> Terms:
+    def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """As `HeatEffect.apply`."""
         return terms.scale_conductance(self.link, 1.0 / (1.0 + self.d * drive.time / 3600.0))
 
@@ -128,9 +123,7 @@ class SpeedCooling(HeatEffect):
         },
     )
 
-    def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
-    ) -> Terms:
+    def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """As `HeatEffect.apply`."""
         speed = require(drive.speed, "speed_cooling", "speed_rpm")
         return terms.scale_conductance(self.link, 1.0 + self.g * power(speed, self.m))
@@ -158,14 +151,10 @@ class FanCooling(HeatEffect):
         needs=("fan",),
         signature="the slope kinks whenever the fan or the flow changes",
         separating_test="a cool-down in which the fan is switched every 15 minutes",
-        parameters={
-            "g": Quantity("1", 0.0, 0.0, 3.0, 0.5, "gain of conductance at the rated fan"),
-        },
+        parameters={"g": Quantity("1", 0.0, 0.0, 3.0, 0.5, "gain of conductance at the rated fan")},
     )
 
-    def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
-    ) -> Terms:
+    def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """As `HeatEffect.apply`."""
         fan = require(drive.fan, "fan_cooling", "fan")
         return terms.scale_conductance(self.link, 1.0 + self.g * fan)
@@ -208,9 +197,7 @@ class CoolingStep(HeatEffect):
         },
     )
 
-    def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
-    ) -> Terms:
+    def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """As `HeatEffect.apply`."""
         after = 0.5 * (1.0 + jnp.tanh(0.5 * (drive.time - self.t_star) / WIDTH_S))
         return terms.scale_conductance(self.link, 1.0 + (self.k - 1.0) * after)
@@ -247,14 +234,10 @@ class Radiation(HeatEffect):
         signature="the model is too hot at the highest stator temperatures",
         separating_test="a cool-down at standstill from the highest rise, 60 minutes long, in a "
         "room of steady temperature",
-        parameters={
-            "eA": Quantity("m^2", 0.0, 0.01, 1.4, 0.3, "emissivity times surface"),
-        },
+        parameters={"eA": Quantity("m^2", 0.0, 0.01, 1.4, 0.3, "emissivity times surface")},
     )
 
-    def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
-    ) -> Terms:
+    def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """As `HeatEffect.apply`."""
         hot = temperature[self.node] + KELVIN
         cold = terms.sink + KELVIN
@@ -308,9 +291,7 @@ class NaturalConvection(HeatEffect):
         },
     )
 
-    def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
-    ) -> Terms:
+    def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """As `HeatEffect.apply`."""
         node = self.link[0]
         theta = temperature[node] - terms.far_end(self.link, temperature)
@@ -341,7 +322,7 @@ class CoolantSink(HeatEffect):
         separating_test="a constant load while the coolant is stepped by 15 K and held for 40 "
         "minutes",
         parameters={
-            "a": Quantity("1", 0.0, 0.0, 1.0, 0.5, "share of the coolant in the sink", 1.0),
+            "a": Quantity("1", 0.0, 0.0, 1.0, 0.5, "share of the coolant in the sink", 1.0)
         },
     )
 
@@ -350,9 +331,7 @@ class CoolantSink(HeatEffect):
         """Whether the network has one sink: with two of them each has its own resistance."""
         return not network.second_boundary
 
-    def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
-    ) -> Terms:
+    def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """As `HeatEffect.apply`."""
         coolant = require(drive.coolant, "coolant_sink", "coolant_degC")
         return terms.with_sink(terms.sink + self.a * (coolant - terms.sink))
@@ -387,9 +366,7 @@ class AmbientDrift(HeatEffect):
         },
     )
 
-    def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
-    ) -> Terms:
+    def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """As `HeatEffect.apply`."""
         risen = self.tau * -jnp.expm1(-drive.time / (3600.0 * self.tau))
         return terms.with_sink(terms.sink + self.d * risen)
@@ -417,13 +394,11 @@ class AmbientRecirculation(HeatEffect):
         separating_test="a step of load with a second ambient sensor at the intake, 10 minutes "
         "before and after",
         parameters={
-            "r": Quantity("K/W", 0.0, 0.0, 0.05, 0.01, "rise of the intake per watt of losses"),
+            "r": Quantity("K/W", 0.0, 0.0, 0.05, 0.01, "rise of the intake per watt of losses")
         },
     )
 
-    def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
-    ) -> Terms:
+    def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """As `HeatEffect.apply`."""
         total = terms.copper + terms.other
         return terms.with_sink(terms.sink + self.r * total)

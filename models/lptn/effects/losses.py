@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import ClassVar
 
@@ -12,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..inputs import Drive
-from .base import EffectCard, HeatEffect, Quantity, Terms, at_load, power, require
+from .base import EffectCard, HeatEffect, Quantity, Temperatures, Terms, at_load, power, require
 
 
 class AcCopperLoss(HeatEffect):
@@ -40,13 +39,11 @@ class AcCopperLoss(HeatEffect):
         separating_test="the same current at standstill (DC), at half and at full speed, 20 "
         "minutes each",
         parameters={
-            "k": Quantity("1", 0.0, 0.02, 3.0, 0.3, "AC over DC loss less one, at rated speed"),
+            "k": Quantity("1", 0.0, 0.02, 3.0, 0.3, "AC over DC loss less one, at rated speed")
         },
     )
 
-    def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
-    ) -> Terms:
+    def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """As `HeatEffect.apply`."""
         speed = require(drive.speed, "ac_copper_loss", "speed_rpm")
         return terms.add_copper(self.k * terms.copper * speed**2)
@@ -87,9 +84,7 @@ class IronLossInWinding(HeatEffect):
         },
     )
 
-    def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
-    ) -> Terms:
+    def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """As `HeatEffect.apply`."""
         moved = self.k * at_load(drive, "iron_loss_in_winding", self.n, self.m)
         return terms.add_other(-moved).add_heat(terms.network.copper_node, moved)
@@ -132,9 +127,7 @@ class ExternalLoss(HeatEffect):
         },
     )
 
-    def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
-    ) -> Terms:
+    def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """As `HeatEffect.apply`."""
         speed = require(drive.speed, "external_loss", "speed_rpm")
         return terms.add_other(-self.k * terms.other * power(speed, self.m))
@@ -176,9 +169,7 @@ class BearingFriction(HeatEffect):
         },
     )
 
-    def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
-    ) -> Terms:
+    def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """As `HeatEffect.apply`."""
         speed = abs(require(drive.speed_rad, "bearing_friction", "speed_rpm"))
         fading = jnp.exp(-self.kappa * (temperature[self.node] - terms.sink))
@@ -208,13 +199,11 @@ class StrayLoadLoss(HeatEffect):
         separating_test="the same current at low and at rated speed, 30 minutes each, with a "
         "cool-down at speed between",
         parameters={
-            "k": Quantity("W", 0.0, 2.0, 3000.0, 200.0, "stray loss at rated current and speed"),
+            "k": Quantity("W", 0.0, 2.0, 3000.0, 200.0, "stray loss at rated current and speed")
         },
     )
 
-    def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
-    ) -> Terms:
+    def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """As `HeatEffect.apply`."""
         watts = self.k * at_load(drive, "stray_load_loss", 1.5, 1.0)
         is_balance = terms.losses.kind == "balance"
@@ -243,14 +232,10 @@ class StandbyLoss(HeatEffect):
         signature="the machine stays above ambient at rest, as an offset of the ambient sensor "
         "would have it",
         separating_test="an hour at rest with the inverter on, and an hour with it off",
-        parameters={
-            "P0": Quantity("W", 0.0, 1.0, 200.0, 20.0, "loss at rest"),
-        },
+        parameters={"P0": Quantity("W", 0.0, 1.0, 200.0, 20.0, "loss at rest")},
     )
 
-    def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
-    ) -> Terms:
+    def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """As `HeatEffect.apply`."""
         return terms.add_other(self.P0)
 
@@ -275,14 +260,10 @@ class LossGain(HeatEffect):
         needs=(),
         signature="hardly anything: heat capacities and resistances absorb it",
         separating_test="a calorimetric test, or the same load with a second power analyser",
-        parameters={
-            "g": Quantity("1", 0.0, -0.1, 0.1, 0.05, "relative error of the losses"),
-        },
+        parameters={"g": Quantity("1", 0.0, -0.1, 0.1, 0.05, "relative error of the losses")},
     )
 
-    def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
-    ) -> Terms:
+    def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """As `HeatEffect.apply`."""
         is_balance = terms.losses.kind == "balance"
         channel = terms.copper + terms.other if is_balance else terms.other
@@ -312,13 +293,11 @@ class CopperCoefficient(HeatEffect):
         "current",
         separating_test="resistance by DC at three known temperatures",
         parameters={
-            "dB": Quantity("degC", 0.0, -15.0, 15.0, 9.5, "deviation of B from the material value"),
+            "dB": Quantity("degC", 0.0, -15.0, 15.0, 9.5, "deviation of B from the material value")
         },
     )
 
-    def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
-    ) -> Terms:
+    def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """As `HeatEffect.apply`."""
         losses = terms.losses
         T = temperature[terms.network.copper_node]
@@ -348,14 +327,10 @@ class WindingResistance(HeatEffect):
         needs=(),
         signature="a residual with the square of the current",
         separating_test="a four-wire measurement of the phase resistance at a known temperature",
-        parameters={
-            "g": Quantity("1", 0.0, -0.5, 1.0, 0.1, "relative error of the resistance"),
-        },
+        parameters={"g": Quantity("1", 0.0, -0.5, 1.0, 0.1, "relative error of the resistance")},
     )
 
-    def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
-    ) -> Terms:
+    def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """As `HeatEffect.apply`."""
         return terms.add_copper(self.g * terms.copper)
 
@@ -404,9 +379,7 @@ class SpeedLoss(HeatEffect):
         },
     )
 
-    def apply(
-        self, terms: Terms, temperature: Mapping[str, Float[Array, "..."]], drive: Drive
-    ) -> Terms:
+    def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """As `HeatEffect.apply`."""
         speed = abs(require(drive.speed_rad, "a loss by speed", "speed_rpm")) / REFERENCE
         watts = self.linear * speed + self.square * speed**2

@@ -73,7 +73,7 @@ class SensorContact(SensorEffect):
         signature="the fast part of the response to a step of current is too small, or too large",
         separating_test="temperature by resistance right after a step of current, by the sensor",
         parameters={
-            "k": Quantity("1", 0.0, -0.2, 0.5, 0.15, "share of the stator in the reading", 1.0),
+            "k": Quantity("1", 0.0, -0.2, 0.5, 0.15, "share of the stator in the reading", 1.0)
         },
     )
 

@@ -1,7 +1,5 @@
 """Signals in structs, matrices and groups, and logs of raw bus frames."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from itertools import count
 from pathlib import Path

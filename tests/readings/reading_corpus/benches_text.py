@@ -1,7 +1,5 @@
 """Text as the loggers of benches write it: headers, signs, encodings, clocks, rates, restarts."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import datetime, timedelta

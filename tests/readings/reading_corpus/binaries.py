@@ -1,7 +1,5 @@
 """HDF5, netCDF, Parquet, MATLAB, MDF and TDMS, and what they state beside their numbers."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A bench file with its truth."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum

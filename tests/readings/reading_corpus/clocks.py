@@ -1,7 +1,5 @@
 """Clock times, dates and epochs: what the header says about them decides."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta, timezone
 

@@ -1,7 +1,5 @@
 """The whole corpus: every kind with the function that makes its files."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from itertools import chain
 from types import ModuleType

@@ -4,8 +4,6 @@ Bytes are choices: each takes the next one. What comes out is a file with what i
 it; whatever the choices are, a reader must read what is stated, or ask.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TypeVar

@@ -1,7 +1,5 @@
 """Where a header may state the unit, and how a unit may be written."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from .case import Case, Truth

@@ -1,7 +1,5 @@
 """Delimiters, encodings, preambles and quotes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from .case import Case, Truth

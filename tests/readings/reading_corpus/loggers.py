@@ -1,7 +1,5 @@
 """Plain good files as benches and loggers write them: a question about one of them is a fault."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Machines and the heat runs that they give, by formulas of our own: the truth of the corpus."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 

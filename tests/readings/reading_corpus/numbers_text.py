@@ -1,7 +1,5 @@
 """How numbers are written: commas, thousands, exponents, units in cells, marks for no value."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 

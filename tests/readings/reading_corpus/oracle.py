@@ -1,7 +1,5 @@
 """What a reading of a file is worth, judged by the truth that the file was made of."""
 
-from __future__ import annotations
-
 import re
 import tempfile
 import warnings

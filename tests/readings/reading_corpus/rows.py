@@ -1,7 +1,5 @@
 """Rows that vanish, repeat, summarise or change their meaning."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Units that nothing states, and files that are no record."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

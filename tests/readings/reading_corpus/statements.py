@@ -1,7 +1,5 @@
 """Units rows, comment lines and preambles, and statements that contradict each other."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from .case import Case, Truth

@@ -1,7 +1,5 @@
 """What the units of the corpus are worth, written down apart from the package that is tested."""
 
-from __future__ import annotations
-
 import math
 
 UNITS: dict[str, dict[str, tuple[float, float]]] = {

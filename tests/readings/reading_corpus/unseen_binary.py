@@ -1,7 +1,5 @@
 """Unseen HDF5, netCDF, MATLAB and Parquet files."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from itertools import count
 from pathlib import Path

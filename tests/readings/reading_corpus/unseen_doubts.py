@@ -1,7 +1,5 @@
 """Unseen text files that contradict themselves, leave something open or are none of a bench."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import count
 

@@ -1,7 +1,5 @@
 """How the unseen files are laid down: a heat run under the names and units that a case gives it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime, timedelta

@@ -1,7 +1,5 @@
 """Unseen files of every day that leave nothing open: they must simply be read."""
 
-from __future__ import annotations
-
 import gzip
 from collections.abc import Iterator
 from itertools import count

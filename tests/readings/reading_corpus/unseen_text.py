@@ -1,7 +1,5 @@
 """Unseen text files that state what they hold, in the languages and habits of many programs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import count
 

@@ -1,7 +1,5 @@
 """Unseen text files with numbers and times as programs of many countries write them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from datetime import timedelta
 from itertools import count

@@ -3,8 +3,6 @@
 What is here was no pattern for a mend: names, units and orders that the other files do not hold.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from datetime import datetime
 

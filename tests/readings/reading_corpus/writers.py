@@ -1,7 +1,5 @@
 """Writers of HDF5, Parquet, MDF and TDMS files."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
