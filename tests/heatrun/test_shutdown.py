@@ -278,6 +278,20 @@ def test_a_wrong_unit_or_circuit_is_named(tmp_path, factor, guess):
         found(tmp_path, factor * ohm(winding(TIME_S)))
 
 
+def test_a_unit_that_the_motor_file_decides_against_the_file_is_said(tmp_path, capsys):
+    text = MOTOR.replace("[constants]", '[columns]\nwinding_degC = "R [Ohm]"\n[constants]')
+    (tmp_path / "motor.toml").write_text(text, encoding="utf-8")
+    path = write(tmp_path, TIME_S, ohm(winding(TIME_S)), "time_s,R [mOhm]")
+    command = ["shutdown", str(tmp_path / "motor.toml"), str(path), "--out", str(tmp_path / "out")]
+    assert cli.main([*command, "--language", "de"]) == 0
+    said = "The name gives mOhm, [columns] says ohm; ohm is used."
+    assert said in capsys.readouterr().out
+    written = json.loads((tmp_path / "out" / "shutdown.json").read_text(encoding="utf-8"))
+    assert [one["id"] for one in written["findings"]] == ["unit_overridden"]
+    page = PdfReader(tmp_path / "out" / "shutdown.pdf").pages[0].extract_text()
+    assert "Der Name nennt mOhm, [columns] sagt ohm; ohm gilt." in " ".join(page.split())
+
+
 def test_the_circuit_follows_where_one_alone_fits(tmp_path):
     text = MOTOR.replace(f"measured_resistance_ohm = {COLD}", f"phase_resistance_ohm = {COLD / 2}")
     assert found(tmp_path, text=text).winding_degC == pytest.approx(

@@ -39,7 +39,7 @@ from ..reports.dcc import (
     begun,
 )
 from ..reports.pdf import typeset
-from ..reports.printed import TestDays
+from ..reports.printed import TestDays, told
 from ..reports.xlsx_cells import AS_TEXT, Cells, write
 from ..reports.xlsx_cells import add_budget as add_budget_rows
 from ..results import to_json
@@ -77,7 +77,7 @@ def content(
     def again(rows: Sequence[str]) -> list[str]:
         return [say.again(text) for text in rows]
 
-    answer, *lines = again(answer_lines(result))
+    answer, *lines = answer_lines(result, say)
     said = {
         "title": clean(result.motor),
         "version": f"heatrun {__version__}",
@@ -99,7 +99,8 @@ def content(
         "page": say("page"),
         "of": say("of"),
     }
-    return {**said, "remark": "" if say.is_whole else say("rest_in_english")}
+    is_whole = say.is_whole and all(told(one, say)[1] for one in result.findings)
+    return {**said, "remark": "" if is_whole else say("rest_in_english")}
 
 
 def _identification(stated: Certificate, say: Texts) -> list[list[str]]:
