@@ -29,6 +29,7 @@ from ..reports.certificate import joined
 from ..reports.dcc import (
     add,
     add_budget,
+    add_condition,
     add_method,
     add_named,
     add_result,
@@ -301,6 +302,9 @@ def dcc_text(result: ShutdownResult, certificate: Certificate) -> bytes:
     add_text(measured, "name", "Temperature of the winding at switch-off")
     references = ("JCGM 100:2008", "JCGM 101:2008")
     add_method(measured, METHOD, HOW, references, __version__, certificate)
+    held = add(measured, "influenceConditions")
+    add_condition(held, "temperature of the sink", "degC", result.sink_degC)
+    add_condition(held, "first reading after switch-off", "s", result.first_reading_s)
     found = add(measured, "results")
     _answer(found, result)
     add_budget(found, "the temperature", result.budget, "K", label="u_combined")
