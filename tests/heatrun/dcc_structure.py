@@ -160,5 +160,6 @@ def against_practice(root: Element) -> list[str]:
     for parent in root.iter():
         used = [one.get("lang") for one in parent.findall(f"{DCC}content")]
         found += [f"{parent.tag}: {used}"] if used not in ([], languages) else []
-    begin, end = (root.findtext(f".//{DCC}{name}PerformanceDate") or "" for name in ("begin", "end"))
+    begin, end = (root.findtext(f".//{DCC}{name}PerformanceDate") for name in ("begin", "end"))
+    assert None not in (begin, end)
     return found + ([f"{begin} to {end}"] if end < begin else [])
