@@ -165,6 +165,34 @@ def test_a_winding_without_fast_modes_is_held_too(tmp_path):
         assert low < AIR + 90.0 < high
 
 
+@pytest.mark.slow
+def test_machines_that_are_drawn_from_the_prior_are_held():
+    """Where they are not, draws or model are wrong, whatever machines there are."""
+    machine, num, held = motor(), 60, 0
+    modes = UsualModes(rise_K=80.0)
+    for seed in range(num):
+        random = np.random.default_rng(seed)
+        time_s = np.arange(30.0, random.uniform(270.0, 630.0), random.choice([5.0, 15.0, 30.0]))
+        none = np.full(time_s.size, AIR + 80.0)
+        cooling = Cooling(time_s, none, AIR, machine, COLD, modes, np.ones(time_s.size))
+        possible = False
+        while not possible:
+            z = random.standard_normal((1, len(cooling.names)))
+            mean, by = modes.amplitudes(z)
+            possible = np.all(mean + (by @ z[:, cooling.num_nonlinear : -1, None])[:, :, 0] > 0.0)
+        values = {key: one.item() for key, one in cooling.values(z).items()}
+        a_second = cooling.predicted(z, time_s + 0.5) - cooling.predicted(z, time_s - 0.5)
+        scatter = np.hypot(values["noise"], values["clock"] * a_second[0])
+        read = cooling.predicted(z)[0] + scatter * random.standard_normal(time_s.size)
+        errors = {key: one.sd * random.standard_normal()
+                  for key, one in cooling.instruments.items()}  # fmt: skip
+        true = cooling.true(cooling.winding(z, np.zeros(1))[0], errors).item()
+        readings = Readings("drawn", time_s, read, AIR, read, COLD, (), "")
+        low, high = winding_at_shutdown(machine, readings, modes, seed=seed).winding_95_degC
+        held += low < true < high
+    assert held >= 52  # of 60 at 95 %: fewer once in 350 times
+
+
 def test_leads_are_taken_off(tmp_path):
     text = MOTOR.replace(f"= {COLD}", f"= {COLD + 0.02}").replace(
         "reference_", "lead_resistance_ohm = 0.02\nreference_"
