@@ -90,5 +90,16 @@ def test_the_figures_of_the_readme_are_those_of_the_tables():
             )
 
 
+@pytest.mark.parametrize(
+    ("page", "study"),
+    [("docs/shutdown.md", "shutdown"), ("results/observer/README.md", "observer")],
+)
+def test_what_a_page_says_of_its_study_stands_in_the_table(page, study):
+    table = (ROOT / "results" / study / "table.md").read_text("utf-8")
+    said = re.findall(r"\d+ of \d+|\d+\.\d %|\d+ in \d+ h", (ROOT / page).read_text("utf-8"))
+    assert said
+    assert [figure for figure in said if figure not in table] == []
+
+
 def readme() -> str:
     return (ROOT / "README.md").read_text("utf-8")

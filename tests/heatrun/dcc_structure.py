@@ -137,3 +137,27 @@ def violations(element: Element, path: str = "") -> list[str]:
     else:
         found.append(f"{here}: not known")
     return found + [each for child in element for each in violations(child, here)]
+
+
+RELEASE = r"[a-zA-Z] ?(\d{1,3}\.){0,3}\d{1,3}"
+
+
+def against_practice(root: Element) -> list[str]:
+    """Return what of PTB's rules of good practice (`dcc.sch` of dcclib 0.4.0), where they are more
+    than the schema and call it an error, a certificate does not keep.
+    """
+    found = [
+        f"release {one.text}"
+        for one in root.iter(f"{DCC}release")
+        if not re.fullmatch(RELEASE, one.text or "")
+    ]
+    for measured in root.iter(f"{DCC}measurementResult"):
+        for name in ("usedMethods", "influenceConditions"):
+            found += [] if measured.find(f"{DCC}{name}") is not None else [f"no {name}"]
+    languages = [one.text for one in root.iter(f"{DCC}usedLangCodeISO639_1")]
+    for parent in root.iter():
+        used = [one.get("lang") for one in parent.findall(f"{DCC}content")]
+        found += [f"{parent.tag}: {used}"] if used not in ([], languages) else []
+    begin, end = (root.findtext(f".//{DCC}{name}PerformanceDate") for name in ("begin", "end"))
+    assert None not in (begin, end)
+    return found + ([f"{begin} to {end}"] if end < begin else [])

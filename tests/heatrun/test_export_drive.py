@@ -5,6 +5,7 @@ import json
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -153,6 +154,33 @@ def test_a_certified_current_is_the_rated_one(day, monkeypatch):
     assert sink + names["p0627"] <= names["p5391"] + 1e-6, "it trips at its own rated current"
 
 
+def test_the_rated_current_is_within_the_permitted_rise_where_that_is_known(finished_day):
+    read = Read.read(finished_day / "run")
+    model = read.run.result.models[read.name]
+    by_class, by_rise = (
+        DerivedFigure(
+            value=value, unit="A", sd=1.0, interval_95=(value - 2.0, value + 2.0), condition=words
+        )
+        for value, words in ((116.0, "class F"), (100.0, "permitted rise"))
+    )
+    for derived, expected in (
+        ({"continuous_current_A": by_class, "continuous_current_by_rise_A": by_rise}, by_rise),
+        ({"continuous_current_A": by_class}, by_class),
+        (
+            {
+                "continuous_current_A": by_class,
+                "continuous_current_by_rise_A": DerivedFigure(refused="unknown"),
+            },
+            by_class,
+        ),
+    ):
+        result = replace(
+            read.run.result,
+            models={**read.run.result.models, read.name: replace(model, derived=derived)},
+        )
+        assert replace(read, run=SimpleNamespace(result=result)).continuous == expected
+
+
 @pytest.fixture
 def hostile_run(day):
     """The run of a motor with a hostile name, in a folder with another."""
@@ -178,7 +206,7 @@ def test_no_name_gets_into_xml_toml_or_the_sheet(hostile_run):
     words = ["export", run, "--to", "mujoco", "--out", "mj", "--motor-constant", "0.4"]
     assert cli.main(words) == 0
     tree = attributes("mj/motor.xml")
-    assert [*tree] == ["mujoco", "custom", "text", "worldbody", "body", "joint", "geom",
+    assert [*tree] == ["mujoco", "custom", "text", "option", "worldbody", "body", "joint", "geom",
                        "actuator", "dcmotor"]  # fmt: skip
     assert tree["mujoco"]["model"].startswith("a<U+0022><U+003E><U+003C>x<U+002F><U+003E>--")
     assert tree["text"]["data"].startswith("run r--<U+0022><U+003E><U+003C>x")
@@ -214,6 +242,18 @@ def test_mujoco_heats_its_motor_as_one_body_does(day, capsys):
     closed = watts / rate * (1.0 - np.exp(-rate * time / C))
     assert closed[-1] > 40.0
     assert np.array(course) == pytest.approx(closed, abs=0.02)
+
+
+def test_the_rotor_of_mujoco_turns_freely_up_to_its_voltage(day):
+    mujoco = pytest.importorskip("mujoco")
+    assert cli.main(["export", "run", "--to", "mujoco", "--motor-constant", "0.4"]) == 0
+    model = mujoco.MjModel.from_xml_path("run/mujoco/motor.xml")
+    data = mujoco.MjData(model)
+    data.ctrl[0] = 1.0
+    for _ in range(500):
+        mujoco.mj_step(model, data)
+    assert data.qvel[0] == pytest.approx(1.0 / 0.4)
+    assert 0.0 <= data.act[0] < 0.01  # the rotor takes a millijoule
 
 
 @pytest.mark.parametrize(

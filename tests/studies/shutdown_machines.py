@@ -6,7 +6,7 @@ resistance, cooling that follows temperature and a fan that runs down; then a br
 clock and a cold measurement, each with errors.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -148,26 +148,62 @@ def two_nodes(random: np.random.Generator, kind: str) -> TwoNodes:
                     random.normal(234.5, 0.5))  # fmt: skip
 
 
-def machine(random: np.random.Generator) -> Machine:
-    """Return a machine from 0.5 to 500 kW, drawn from what designs have."""
+@dataclass(frozen=True)
+class Design:
+    """What a kind of cooling allows.
+
+    Attributes:
+        copper: Copper of a machine of 1 kW [kg].
+        density: Current density [A/mm2].
+        rotor: Losses of the rotor over those of the cold copper [1].
+        slot_K: Rise of the slot part over the teeth.
+        end_K: Rise of the end winding over the housing.
+        teeth_K: Rise of the teeth over the yoke.
+        housing_K: Rise of the housing.
+        is_fanned: Whether speed and rise change what the housing gives off.
+    """
+
+    copper: float = 1.1
+    density: tuple[float, float] = (3.0, 7.5)
+    rotor: tuple[float, float] = (0.1, 0.7)
+    slot_K: tuple[float, float] = (5.0, 22.0)
+    end_K: tuple[float, float] = (20.0, 45.0)
+    teeth_K: tuple[float, float] = (3.0, 12.0)
+    housing_K: tuple[float, float] = (25.0, 55.0)
+    is_fanned: bool = True
+
+
+FIVE_IN_JACKET = "five in a jacket"
+
+DESIGNS = {
+    FIVE_IN_JACKET: Design(
+        0.35, (6.0, 14.0), (0.05, 0.3), (25.0, 60.0), (40.0, 80.0), (6.0, 20.0), (10.0, 25.0), False
+    ),
+}
+"""Of the kinds of five nodes that are not cooled by air."""
+
+
+def machine(random: np.random.Generator, kind: str = "") -> Machine:
+    """Return a machine from 0.5 to 500 kW, drawn from what designs of its kind have."""
+    design = DESIGNS.get(kind, Design())
     output_kW = 10.0 ** random.uniform(-0.3, 2.7)
-    copper_kg = 1.1 * output_kW**0.75 * random.lognormal(0.0, 0.25)
+    copper_kg = design.copper * output_kW**0.75 * random.lognormal(0.0, 0.25)
     iron_kg = copper_kg * random.uniform(3.0, 6.0)
-    density = random.uniform(3.0, 7.5)  # A/mm2
+    density = random.uniform(*design.density)
     copper_W = copper_kg * 2.2 * density**2  # 1.72e-8 ohm m, 8900 kg/m3: 1.93 and some extra
     end = random.uniform(0.3, 0.6)
     iron_W = copper_W * random.uniform(0.2, 0.7)
-    rotor_W = copper_W * random.uniform(0.1, 0.7)
+    rotor_W = copper_W * random.uniform(*design.rotor)
     hot = 1.3 * copper_W
     slot_W = hot * (1.0 - end)
     # the rises that a designer aims at set the conductances
-    over_slot, over_teeth = random.uniform(5.0, 22.0), random.uniform(3.0, 12.0)
-    housing = random.uniform(25.0, 55.0)
+    over_slot, over_teeth = random.uniform(*design.slot_K), random.uniform(*design.teeth_K)
+    housing = random.uniform(*design.housing_K)
     total = hot + iron_W + rotor_W
     G = np.array([
         slot_W / over_slot,
         hot / random.uniform(30.0, 200.0),
-        hot * end / random.uniform(20.0, 45.0),
+        hot * end / random.uniform(*design.end_K),
         (slot_W + 0.5 * iron_W + rotor_W) / over_teeth,
         total / housing,
         rotor_W / random.uniform(10.0, 40.0),
@@ -177,10 +213,11 @@ def machine(random: np.random.Generator) -> Machine:
     C = kg * np.array([COPPER_J, COPPER_J, IRON_J, IRON_J, IRON_J])
     C[:2] *= random.uniform(1.1, 1.4)  # impregnation and insulation
     slow_s = float(np.sum(C) / G[4])
-    return Machine(
+    made = Machine(
         C, G, end, copper_W, (0.6 * iron_W, 0.4 * iron_W), rotor_W,
         ambient_degC=random.uniform(15.0, 32.0),
         still=random.uniform(0.2, 0.6), exponent=random.uniform(0.1, 0.3),
         run_down_s=10.0 ** random.uniform(0.3, 1.5),
         heated_s=slow_s * random.uniform(1.5, 6.0), B=random.normal(234.5, 0.5),
     )  # fmt: skip
+    return made if design.is_fanned else replace(made, still=1.0, exponent=0.0)

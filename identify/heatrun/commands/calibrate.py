@@ -54,9 +54,8 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 def run(options: argparse.Namespace) -> int:
     """Calibrate and write the run folder."""
     from ..model.network_text import networks_of
-    from ..motor.certificate import load_meta
+    from ..motor.certificate import stated_in_all
     from ..motor.file import load_motor
-    from ..record.motor import Certificate
 
     networks = networks_of(options.model)
     if options.motor is None:
@@ -64,9 +63,7 @@ def run(options: argparse.Namespace) -> int:
         has_winding = any(len(network.nodes) > 1 for network in networks)
         options.motor = motor_of_tests(tests, options.command_line, has_winding=has_winding)
     motor = load_motor(options.motor)
-    if options.meta is not None:
-        motor = replace(motor, certificate=motor.certificate.beneath(load_meta(options.meta)))
-    stated = motor.certificate.beneath(Certificate(language=options.language))
+    stated = stated_in_all(motor.certificate, options.meta, options.language)
     motor = replace(motor, certificate=stated)
     return calibrate_into_folder(options, motor, options.tests, options.holdout, networks)
 

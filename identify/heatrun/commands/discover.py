@@ -48,15 +48,15 @@ def run(options: argparse.Namespace) -> int:
     from ..jobs import Place, discover_into
     from ..model.catalogue import all_effects, known_effects
     from ..model.network_text import network_named
+    from ..motor.certificate import stated_in_all
     from ..motor.file import load_motor
     from ..readers.mapping import describe_columns, mapping_text
-    from ..record.motor import Certificate
     from ..reports.terminal import discovery_text
     from ..results import to_json, to_plain
     from ..runs.run_folder import default_folder
 
     motor = load_motor(options.motor)
-    stated = motor.certificate.beneath(Certificate(language=options.language))
+    stated = stated_in_all(motor.certificate, language=options.language)
     motor = replace(motor, certificate=stated)
     kinds = all_effects(options.effects)
     network = network_named(options.model)

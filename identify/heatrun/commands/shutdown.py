@@ -58,6 +58,8 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Print the temperature with its interval; write the files if asked."""
+    from ..motor.certificate import stated_in_all
+    from ..motor.file import load_motor
     from ..results import to_json
     from ..shutdown import winding_at_switch_off
     from ..shutdown.printed import text
@@ -83,7 +85,8 @@ def run(options: argparse.Namespace) -> int:
         seed=options.seed,
     )
     if options.out is not None:
-        stated = _stated(options)
+        stated = load_motor(options.motor).certificate
+        stated = stated_in_all(stated, options.meta, options.language)
         document = _certificate(result, stated, options) if has_dcc else None
         for path in write_results(
             result, options.out, stated=stated, certificate=document, is_replacing=options.force
@@ -94,18 +97,6 @@ def run(options: argparse.Namespace) -> int:
     else:
         print(printable(text(result, verbose=options.verbose)))
     return DONE if result.is_determinable else NOT_ALLOWED
-
-
-def _stated(options: argparse.Namespace) -> Certificate:
-    """Return what the laboratory states, and the language that was asked for."""
-    from ..motor.certificate import load_meta
-    from ..motor.file import load_motor
-    from ..record.motor import Certificate
-
-    stated = load_motor(options.motor).certificate
-    if options.meta is not None:
-        stated = stated.beneath(load_meta(options.meta))
-    return stated.beneath(Certificate(language=options.language))
 
 
 def _certificate(result: ShutdownResult, stated: Certificate, options: argparse.Namespace) -> bytes:

@@ -139,8 +139,13 @@ class TestedRun:
 
     @property
     def continuous(self) -> DerivedFigure:
-        """The continuous current that the run certifies, or why it does not."""
+        """The continuous current that the run certifies, within the permitted rise where that is
+        known, else within the class temperature; or why it does not.
+        """
         derived = self.run.result.models[self.name].derived
+        by_rise = derived.get("continuous_current_by_rise_A")
+        if by_rise is not None and math.isfinite(by_rise.median):
+            return by_rise
         return derived.get("continuous_current_A", DerivedFigure(refused="the run does not say"))
 
     def ohm_at(self, degC: float) -> float:

@@ -88,6 +88,15 @@ def load_meta(path: str | Path) -> Certificate:
     return parse_meta(read_start(path, LARGEST_BYTES), str(path))
 
 
+def stated_in_all(
+    stated: Certificate, meta: str | Path | None = None, language: str = ""
+) -> Certificate:
+    """Return what a motor file states beneath a file of `--meta` and the language asked for."""
+    if meta is not None:
+        stated = stated.beneath(load_meta(meta))
+    return stated.beneath(Certificate(language=language))
+
+
 def parse_meta(data: bytes, where: str) -> Certificate:
     """Return what the file of `--meta` says; errors as `load_meta`."""
     content = parse_toml(data, where, "file of the certificate")

@@ -176,7 +176,7 @@ def add_results(root: Element, about: Element, result: FitResult, certificate: C
     if conditions:
         held = add(measured, "influenceConditions")
         for name, unit, (low, high) in conditions:
-            _condition(held, name, unit, low, high)
+            add_condition(held, name, unit, low, high)
     found = add(measured, "results")
     data = add_result(found, f"Parameters of the {network.title} network")
     lines = [line for line in parameter_lines(network) if line.figure is None or line.sd > 0]
@@ -204,7 +204,7 @@ def add_method(
         add(method, "reference", each)
     software = add(add(measured, "usedSoftware"), "software")
     add_text(software, "name", "heatrun")
-    add(software, "release", version)
+    add(software, "release", f"v{version}")  # PTB's rules of good practice ask for the letter
     if certificate.instruments:
         _instruments(add(measured, "measuringEquipments"), certificate)
 
@@ -256,12 +256,14 @@ def _conditions(
             yield name, unit, (min(s[0] for s in known), max(s[1] for s in known))
 
 
-def _condition(parent: Element, name: str, unit: str, low: float, high: float) -> None:
+def add_condition(parent: Element, name: str, unit: str, *values: float) -> None:
+    """Add a condition by its value, or by its smallest and largest."""
     held = add(parent, "influenceCondition")
     add_text(held, "name", name)
     data = add(held, "data")
-    for word, value in (("smallest", low), ("largest", high)):
-        add_real(add_named(data, f"{word} {name}"), f"{value:.1f}", unit)
+    words = ("smallest ", "largest ")[: len(values)] if len(values) > 1 else ("",)
+    for word, value in zip(words, values, strict=True):
+        add_real(add_named(data, f"{word}{name}"), f"{value:.1f}", unit)
 
 
 def add_result(parent: Element, name: str) -> Element:
@@ -429,7 +431,7 @@ def _require(certificate: Certificate, days: TestDays) -> None:
 def _software(parent: Element, version: str) -> None:
     software = add(parent, "software")
     add_text(software, "name", "heatrun")
-    add(software, "release", version)
+    add(software, "release", f"v{version}")
     add(software, "type", "application")
 
 

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from ..errors import InputError
 from ..io.texts import LANGUAGES, Texts
 from ..io.whole_files import is_other, refuse_replacing, together, writable, write_whole
-from ..motor.certificate import load_meta
+from ..motor.certificate import stated_in_all
 from ..record.findings import OUTPUT_FAILED, Attempts, new_findings
 from ..record.motor import LIMIT_DEGC, Certificate, Instrument
 from ..results import FitResult, to_json
@@ -166,10 +166,8 @@ def rewrite_sheet(
             sheet of another run would be lost, or something that this one was told.
     """
     opened = open_run(run)
-    certificate = certificate_of(opened)
-    if meta is not None:
-        certificate = opened.motor.certificate.beneath(load_meta(meta))
-    certificate = certificate.beneath(Certificate(language=language))
+    told = certificate_of(opened) if meta is None else opened.motor.certificate
+    certificate = stated_in_all(told, meta, language)
     is_own = folder.resolve() == run.resolve()
     if is_own and meta is not None and not is_replacing:
         _refuse_other_words(certificate_of(opened), certificate, folder)

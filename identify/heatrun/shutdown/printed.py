@@ -10,6 +10,7 @@ import numpy as np
 
 from ..io.quantities import quantity
 from ..io.texts import Texts
+from ..reports.printed import told
 from .cooling import NUM_DRAWS
 from .result import Limit, ShutdownResult
 
@@ -34,8 +35,14 @@ def text(result: ShutdownResult, *, verbose: bool = False) -> str:
     return "\n".join(lines)
 
 
-def answer_lines(result: ShutdownResult) -> list[str]:
-    """Return the answer, what is left to the limits, and what it comes from."""
+def answer_lines(result: ShutdownResult, say: Texts | None = None) -> list[str]:
+    """Return the answer, what is left to the limits, what it comes from, doubts about that.
+
+    Args:
+        result: The result.
+        say: The texts in the language of the page; None for English.
+    """
+    say = say or Texts()
     low, high = result.winding_95_degC
     if result.is_determinable:
         lines = [
@@ -49,13 +56,13 @@ def answer_lines(result: ShutdownResult) -> list[str]:
             f"NOT DETERMINABLE: {result.reason}",
             f"The readings allow {low:.1f} … {high:.1f} °C (95 %) at switch-off.",
         ]
-    return [
-        *lines,
+    lines += [
         *result.left_out,
         f"First reading {result.first_reading_s:.0f} s after switch-off: "
         f"{result.reading_degC[0]:.1f} °C; scatter {result.scatter_K:.2g} K; prior of "
         f"{result.prior}",
     ]
+    return [*map(say.again, lines), *(told(one, say)[0] for one in result.findings)]
 
 
 def _limit(limit: Limit) -> str:

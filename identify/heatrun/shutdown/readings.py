@@ -14,7 +14,7 @@ from ..readers.read import read_raw, read_record
 from ..record.by_resistance import CIRCUITS
 from ..record.header import split_name
 from ..record.motor import Motor
-from ..record.record import Record
+from ..record.record import Finding, Record
 from ..record.stretch import parse_time
 from ..record.units import find_unit
 
@@ -69,6 +69,7 @@ class Readings:
         notes: How it was read.
         sha256: Digest of the file.
         left_out: Readings off the course of the others, in words.
+        findings: Doubts about how it was read.
     """
 
     name: str
@@ -80,6 +81,7 @@ class Readings:
     notes: tuple[str, ...]
     sha256: str
     left_out: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
 
 OUTLIER, LEAST_OFF_K, MOST_OUT = 8.0, 0.5, 0.2
@@ -184,8 +186,13 @@ def read_readings(path: Path, motor: Motor, at: str = "") -> Readings:
             remedy="Give the moment of switch-off by --at where the file begins before it, or the "
             "readings after it alone.",
         )
+    doubts = tuple(
+        replace(one, where=one.where.replace(where, path.name))
+        for one in record.findings
+        if one.severity != "note"
+    )
     read = Readings(record.name, time_s, degC, sink_degC, ohm, reference, tuple(notes),
-                    record.sources[0].sha256)  # fmt: skip
+                    record.sources[0].sha256, findings=doubts)  # fmt: skip
     return without_outliers(read, 0.0 if is_ohm else motor.shutdown.sensor_lag_s)
 
 

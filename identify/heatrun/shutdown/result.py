@@ -17,6 +17,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar, root_scalar
 
 from ..record.motor import LIMIT_DEGC, Motor
+from ..record.record import Finding
 from ..results.values import BudgetRow, Part, budget, combined
 from .cooling import AbstractModes, Cooling, UsualModes
 from .readings import Readings
@@ -97,6 +98,7 @@ class ShutdownResult:
         notes: How the readings were read.
         sha256: Digest of the readings.
         left_out: Readings off the course of the others, in words.
+        findings: Doubts about how the file was read.
     """
 
     motor: str
@@ -127,6 +129,7 @@ class ShutdownResult:
     notes: tuple[str, ...]
     sha256: str
     left_out: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
 
 def winding_at_shutdown(
@@ -204,6 +207,7 @@ def winding_at_shutdown(
         notes=readings.notes,
         sha256=readings.sha256,
         left_out=readings.left_out,
+        findings=readings.findings,
     )
 
 

@@ -29,6 +29,7 @@ from ..reports.certificate import joined
 from ..reports.dcc import (
     add,
     add_budget,
+    add_condition,
     add_method,
     add_named,
     add_result,
@@ -39,7 +40,7 @@ from ..reports.dcc import (
     begun,
 )
 from ..reports.pdf import typeset
-from ..reports.printed import TestDays
+from ..reports.printed import TestDays, told
 from ..reports.xlsx_cells import AS_TEXT, Cells, write
 from ..reports.xlsx_cells import add_budget as add_budget_rows
 from ..results import to_json
@@ -77,7 +78,7 @@ def content(
     def again(rows: Sequence[str]) -> list[str]:
         return [say.again(text) for text in rows]
 
-    answer, *lines = again(answer_lines(result))
+    answer, *lines = answer_lines(result, say)
     said = {
         "title": clean(result.motor),
         "version": f"heatrun {__version__}",
@@ -99,7 +100,8 @@ def content(
         "page": say("page"),
         "of": say("of"),
     }
-    return {**said, "remark": "" if say.is_whole else say("rest_in_english")}
+    is_whole = say.is_whole and all(told(one, say)[1] for one in result.findings)
+    return {**said, "remark": "" if is_whole else say("rest_in_english")}
 
 
 def _identification(stated: Certificate, say: Texts) -> list[list[str]]:
@@ -300,6 +302,9 @@ def dcc_text(result: ShutdownResult, certificate: Certificate) -> bytes:
     add_text(measured, "name", "Temperature of the winding at switch-off")
     references = ("JCGM 100:2008", "JCGM 101:2008")
     add_method(measured, METHOD, HOW, references, __version__, certificate)
+    held = add(measured, "influenceConditions")
+    add_condition(held, "temperature of the sink", "degC", result.sink_degC)
+    add_condition(held, "first reading after switch-off", "s", result.first_reading_s)
     found = add(measured, "results")
     _answer(found, result)
     add_budget(found, "the temperature", result.budget, "K", label="u_combined")
