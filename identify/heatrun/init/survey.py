@@ -31,7 +31,7 @@ from ..record.motor import Motor
 from ..record.record import ColumnReading, Finding, Record
 from ..record.table import Table, preamble_of
 from .evidence import of_one_machine, without_misnamed
-from .free_columns import Evidence, FreeColumn, flat, free_column, text_column
+from .free_columns import Evidence, FreeColumn, falls, flat, free_column, text_column
 from .phase_means import PhaseMean, phase_means
 
 MOST_SAMPLED = 200
@@ -81,6 +81,7 @@ class Survey:
         findings: What the reader left out or doubts.
         test: The test that it is a file of, as the command line names it.
         machines: What is to be said of columns of a second machine, or empty.
+        only_cools: The winding that is recognised falls from the first sample to the last.
     """
 
     path: str
@@ -96,6 +97,7 @@ class Survey:
     findings: tuple[Finding, ...] = ()
     test: str = ""
     machines: str = ""
+    only_cools: bool = False
 
     @property
     def channels(self) -> frozenset[str]:
@@ -224,6 +226,11 @@ def _surveyed(
         silent=tuple(silent.values()),
         means=phase_means(table, free, values, known, found.lines, where),
         machines=machines,
+        only_cools=any(
+            falls(read[one.column])
+            for one in heard
+            if one.channel == "winding_degC" and one.column in read
+        ),
     )
 
 
