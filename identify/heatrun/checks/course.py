@@ -185,24 +185,27 @@ def warming(record: Record) -> tuple[float, float]:
     """Return by how much the winding warms at most, and how much that must be to be a heating
     [K].
     """
-    time_s, winding = samples(record, "winding_degC")
-    if time_s.size < 2:
-        return 0.0, HEATED_K
-    _, means = block_means(time_s, max(10.0, float(np.ptp(time_s)) / 200.0), winding)
-    rise = float(np.max(means - np.minimum.accumulate(means)))
+    winding, (_, means) = _winding(record)
+    rise = float(np.max(means - np.minimum.accumulate(means), initial=0.0))
     return rise, max(HEATED_STEPS * (rounding_step(winding) or 0.0), HEATED_K)
+
+
+def _winding(record: Record) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
+    """Return the readings of the winding [degC], and the times and values of their means."""
+    time_s, winding = samples(record, "winding_degC")
+    width_s = max(10.0, float(np.ptp(time_s)) / 200.0) if time_s.size else 10.0
+    return winding, block_means(time_s, width_s, winding)
 
 
 def no_heating(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report a winding that never warms: an error, or a warning where the test is a cooling
     curve.
     """
-    time_s, winding = samples(record, "winding_degC")
-    if time_s.size < 3:
+    winding, (means_s, means) = _winding(record)
+    if winding.size < 3:
         return
-    means_s, means = block_means(time_s, max(10.0, float(np.ptp(time_s)) / 200.0), winding)
     if means_s.size < 2:
-        yield _no_time(record, time_s)
+        yield _no_time(record, samples(record, "winding_degC")[0])
         return
     rise, limit = warming(record)
     fall = float(np.max(np.maximum.accumulate(means) - means))
