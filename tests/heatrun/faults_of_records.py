@@ -217,6 +217,12 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
     "losses of no marker that the winding does not show": (
         "load_spike", edited(CLEAN, "losses_W", 1500.0, 1506.0, 4e4), MOTOR, "error"
     ),
+    "losses of no marker on the first sample of a load": (
+        "load_spike", edited(every(CLEAN, 20), "losses_W", 20.0, 21.0, 5e4), MOTOR, "error"
+    ),
+    "losses of no marker on the last sample of a load": (
+        "load_spike", edited(every(CLEAN, 20), "losses_W", 224.0, 225.0, 5e4), MOTOR, "error"
+    ),
     "an inrush": (
         "load_spike", edited(CLEAN, "phase_current_A", 20.0, 20.2, 600.0), MOTOR, None
     ),
@@ -231,6 +237,7 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
     ),
     "contact lost over 25 min": ("sensor_detached", LOSES_CONTACT, MOTOR, "warning"),
     "contact lost over 25 min and no late load": ("load_late", LOSES_CONTACT, MOTOR, None),
+    "load 3 s late": ("load_late", late(CLEAN, 3.0), MOTOR, "error"),
     "one NaN": (
         "nan_block", edited(CLEAN, "losses_W", 600.0, 600.1, np.nan), MOTOR, "note"
     ),

@@ -119,6 +119,9 @@ def test_an_industrial_motor_needs_no_gear_for_energy_and_efficiency():
     assert rows["largest_power_kW"].value == 12.5
     assert rows["efficiency_motor_percent"].value == pytest.approx(80.0, rel=1e-3)
     assert "efficiency 80 % as a motor" in report.summary
+    assert rows["efficiency_generator_percent"].note == "undefined: never ran as a generator"
+    for say in (Texts("de"), Texts("it")):
+        assert all(say.again(row.note) != row.note for row in rows.values() if row.note)
     general = build_report("general", PUMP, LOADED)
     assert {row.name for row in general.rows} == {
         "energy_kWh", "energy_without_regeneration_kWh"

@@ -15,7 +15,7 @@ from heatrun.checks.advice import section_of
 from heatrun.motor.file import parse_motor
 from heatrun.readers.joined import parts_of
 from heatrun.record.motor import Motor
-from heatrun.record.record import Record
+from heatrun.record.record import ColumnReading, Record
 
 LINE = re.compile(r"(\[tests\.[^\]]+\]) ((?:use|use_rows|mask) = \[\[.*?\]\])")
 CASES = {id: (id, *case[:3]) for id, case in FAULTS.items()} | VARIANTS
@@ -139,6 +139,25 @@ def test_a_cooling_is_used_where_losses_are_absent():
     assert part.time_s[0] == pytest.approx(begin_s, abs=15.0)
     assert part.time_s[-1] == time_s[-1]
     assert not checked(part, Motor("M"), "losses_absent")
+
+
+@pytest.mark.parametrize("watts", [0.0, 0.3, 60.0])
+def test_a_cooling_under_what_a_wattmeter_reads_at_zero_tells_time_constants(watts):
+    time_s = np.arange(0.0, 3600.0, 5.0)
+    losses = watts * np.abs(np.random.default_rng(2).standard_normal(time_s.size))
+    rest = 20.0 + 0.25 * watts
+    winding = rest + 60.0 * np.exp(-time_s / 800.0) + 20.0 * np.exp(-time_s / 40.0)
+    channels = {
+        "time_s": time_s, "phase_current_A": 0.02 + 0.0 * time_s, "losses_W": losses,
+        "ambient_degC": 20.0 + 0.0 * time_s, "winding_degC": winding,
+    }  # fmt: skip
+    reading = ColumnReading("losses_W", "P", "W", "name", "canonical name", "")
+    record = Record("t", channels, mapping=(reading,))
+    findings = {one.id: one for one in check_record(record, MOTOR)}
+    assert "losses_of_shaft" not in findings
+    found = [findings["no_heating"].values.get(name) for name in ("tau_fast_s", "tau_slow_s")]
+    # under a load that matters, it ends at no temperature that is known
+    assert found == ([None, None] if watts > 1.0 else pytest.approx([40.0, 800.0], rel=0.05))
 
 
 @pytest.mark.parametrize("name", ["drive", "a b", 'say "x"', "à\u2028b", "bell\x07", "rubout\x7f"])

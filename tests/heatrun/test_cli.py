@@ -3,6 +3,7 @@
 import gzip
 import json
 import re
+import runpy
 import subprocess
 import sys
 import time
@@ -218,3 +219,11 @@ def test_a_killed_run_leaves_no_result_and_goes_on(tmp_path, motor_file, table):
     one, two = (json.loads(each.stdout)["models"] for each in (again, clean))
     assert one == two
     assert not (tmp_path / "run.partial").exists()
+
+
+def test_python_runs_the_package_as_a_command(capsys, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["heatrun", "check", "--nothing"])
+    with pytest.raises(SystemExit) as left:
+        runpy.run_module("heatrun", run_name="__main__")
+    assert left.value.code == 2
+    assert "usage: heatrun" in capsys.readouterr().err

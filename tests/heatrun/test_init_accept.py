@@ -589,3 +589,15 @@ def test_names_of_which_every_word_is_known_need_no_line(tmp_path, language):
 def test_a_name_that_leaves_something_open_is_not_recognised(tmp_path, names):
     columns = {"time_s": TIME_S, names[0]: WINDING, names[1]: HOUSING}
     assert "winding_degC" not in survey(named(tmp_path, columns)).channels
+
+
+def test_a_winding_that_only_cools_had_no_load(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    cooling = 60.0 * np.exp(-TIME_S / 900.0) + 20.0 * np.exp(-TIME_S / 60.0)
+    columns = {"t [s]": TIME_S, "T_Wicklung [°C]": 22.0 + cooling, "T_Raum [°C]": ROOM}
+    path = named(tmp_path, columns, "cooling.csv")
+    motor = load_motor(motor_of_tests([path], "heatrun calibrate cooling.csv"))
+    assert motor.constants == {"phase_current_A": 0.0, "losses_W": 0.0}
+    assert not np.any(read_test(path, motor)["losses_W"])
+    warmed = named(tmp_path, columns | {"T_Wicklung [°C]": 102.0 - cooling}, "warmed.csv")
+    assert "losses_W" in {gap.channel for gap in gaps([survey(warmed)]) if not gap.is_answered}

@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -238,6 +239,22 @@ def test_a_channel_whose_column_is_refused_is_not_missing_besides(at_hand, capsy
     assert out.count("ERROR") == 1
     assert 'winding_resistance_ohm = "R coil [Ohm]"' in out
     assert "No channel claims, in coil: " in out
+
+
+def test_a_file_of_another_logger_is_one_error(at_hand, capsys):
+    rows = "\n".join(f"{i},{row}" for i, row in enumerate(ROWS))
+    (at_hand / "other.csv").write_text(f"t [s],{HEAD}\n{rows}")
+    columns = {"phase_current_A": "mean(L1, L2)", "losses_W": "PV", "winding_degC": "W",
+               "ambient_degC": "Raum"}  # fmt: skip
+    lines = "\n".join(f'{name} = "{column}"' for name, column in columns.items())
+    (at_hand / "motor.toml").write_text(f"{MOTOR}[columns]\n{lines}\n")
+    code, out = said(capsys, "other.csv")
+    assert code == 1
+    assert out.count("ERROR") == 1
+    assert re.search("Nor has it what .* names for [^.]*winding_degC", out)
+    assert (
+        "If it is of another logger, name its columns under [tests.other.columns]; heatrun" in out
+    )
 
 
 def test_a_wrong_line_of_columns_is_said_beside_the_columns_that_are_free(at_hand, capsys):

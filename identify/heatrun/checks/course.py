@@ -58,6 +58,10 @@ GRID, LOOKS, NEAR = 24, 25, 9
 """Time constants that a cool-down is looked for with, how often, and how many of them on either
 side of the best the next look spans: the valley of two is narrow and bent."""
 
+UNLOADED, LEAST_REST = 0.1, 0.05
+"""Share of a cool-down without load [1] by which it is one, and of the fall [1] that what flows
+else may hold at its end."""
+
 APART = 2.0
 """Factor between two time constants [1] below which a record shows one."""
 
@@ -69,15 +73,18 @@ def cooling_constants(record: Record, motor: Motor) -> tuple[float, ...]:
     """Return the time constants of a cool-down [s], the fastest first: two, one or none.
 
     They are those of its longest part without load: under one it ends at no temperature that is
-    known. One as long as is looked for is none that the record shows.
+    known. What never rests, as a wattmeter does not read 0, ends near the sink, or has none. One as
+    long as is looked for is none that the record shows.
     """
     loads = ["losses_W"] * ("losses_W" in record)
     time_s, winding, sink, *losses = samples(
         with_all_heat(record, motor), "winding_degC", sink_channel(motor), *loads
     )
+    rests = True
     if losses:
-        parts = [(0, 0), *zip(*runs(~is_loaded(losses[0])), strict=True)]
-        begin, end = max(parts, key=lambda part: part[1] - part[0])
+        parts = [*zip(*runs(~is_loaded(losses[0])), strict=True)]
+        rests = sum(end - begin for begin, end in parts) > UNLOADED * time_s.size
+        begin, end = max(parts, key=lambda part: part[1] - part[0]) if rests else (0, time_s.size)
         time_s, winding, sink = (each[begin:end] for each in (time_s, winding, sink))
     if time_s.size < MIN_BLOCKS:
         return ()
@@ -90,30 +97,33 @@ def cooling_constants(record: Record, motor: Motor) -> tuple[float, ...]:
         return ()
     shortest_s, longest_s = 0.5 * float(np.median(np.diff(time_s))), 2.0 * float(time_s[-1])
     grid = np.geomspace(shortest_s, longest_s, GRID)
-    found = [_decays(time_s, excess, grid, num) for num in (1, 2)]
-    (one, alone), (two, both) = found
+    found = [_decays(time_s, excess, grid, num, has_rest=not rests) for num in (1, 2)]
+    (one, alone, _), (two, both, rest_K) = found
+    if abs(rest_K) > LEAST_REST * float(np.ptp(excess)):
+        return ()
     is_two = both < BETTER * alone and two[1] > APART * two[0] and two[1] < longest_s
     return tuple(float(tau) for tau in (two if is_two else one) if tau < longest_s)
 
 
 def _decays(
-    time_s: np.ndarray, values: np.ndarray, grid: np.ndarray, num: int
-) -> tuple[np.ndarray, float]:
-    """Time constants of so many decays [s], and the rms they leave."""
-    axes, taus, left = [grid] * num, np.empty(num), 0.0
+    time_s: np.ndarray, values: np.ndarray, grid: np.ndarray, num: int, *, has_rest: bool
+) -> tuple[np.ndarray, float, float]:
+    """Time constants of so many decays [s], the rms they leave, and where they end."""
+    axes, taus, left, rest = [grid] * num, np.empty(num), 0.0, 0.0
     for _ in range(LOOKS):
         tried = np.stack(np.meshgrid(*axes, indexing="ij"))
         places = np.argwhere(np.all(np.diff(tried, axis=0) > 0.0, axis=0))
         points = np.stack([axis[at] for axis, at in zip(axes, places.T, strict=True)], axis=1)
-        squares = solved_decays(time_s, values, points).squares
-        best = int(np.argmin(squares))
-        taus, left = points[best], float(np.sqrt(squares[best] / time_s.size))
+        solved = solved_decays(time_s, values, points, has_rest=has_rest)
+        best = int(np.argmin(solved.squares))
+        taus, left = points[best], float(np.sqrt(solved.squares[best] / time_s.size))
+        rest = float(solved.solution[best, -1]) if has_rest else 0.0
         near = [(axis[1] / axis[0]) ** NEAR for axis in axes]
         axes = [
             np.geomspace(max(tau / by, grid[0]), min(tau * by, grid[-1]), GRID)
             for tau, by in zip(taus, near, strict=True)
         ]
-    return taus, left
+    return taus, left, rest
 
 
 def settling_constants(record: Record, motor: Motor) -> float:
@@ -171,20 +181,33 @@ heat run's rise. A rate is only counted from 0.5 K on: below, a short test has n
 of."""
 
 
+def warming(record: Record) -> tuple[float, float]:
+    """Return by how much the winding warms at most, and how much that must be to be a heating
+    [K].
+    """
+    winding, (_, means) = _winding(record)
+    rise = float(np.max(means - np.minimum.accumulate(means), initial=0.0))
+    return rise, max(HEATED_STEPS * (rounding_step(winding) or 0.0), HEATED_K)
+
+
+def _winding(record: Record) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
+    """Return the readings of the winding [degC], and the times and values of their means."""
+    time_s, winding = samples(record, "winding_degC")
+    width_s = max(10.0, float(np.ptp(time_s)) / 200.0) if time_s.size else 10.0
+    return winding, block_means(time_s, width_s, winding)
+
+
 def no_heating(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report a winding that never warms: an error, or a warning where the test is a cooling
     curve.
     """
-    time_s, winding = samples(record, "winding_degC")
-    if time_s.size < 3:
+    winding, (means_s, means) = _winding(record)
+    if winding.size < 3:
         return
-    means_s, means = block_means(time_s, max(10.0, float(np.ptp(time_s)) / 200.0), winding)
     if means_s.size < 2:
-        yield _no_time(record, time_s)
+        yield _no_time(record, samples(record, "winding_degC")[0])
         return
-    limit = max(HEATED_STEPS * (rounding_step(winding) or 0.0), HEATED_K)
-    lowest = np.minimum.accumulate(means)
-    rise = float(np.max(means - lowest))
+    rise, limit = warming(record)
     fall = float(np.max(np.maximum.accumulate(means) - means))
     if rise > limit:
         return

@@ -45,8 +45,8 @@ FOLLOWS = 1.5
 """Factor [1] by which the current must rise for a load beyond all others to be one."""
 
 CONTRADICTION = 10.0
-"""Copper loss over the recorded losses [1] that no instrument explains, and no inrush: its power is
-in the losses too."""
+"""Copper loss over the recorded losses, or a power over all else under one current [1], that no
+instrument explains, and no inrush: its power is in the losses too."""
 
 SHOWS_S = 120.0
 """So long after a burst its heat has reached the winding, wherever it was made [s]."""
@@ -88,14 +88,18 @@ def load_spike(record: Record, motor: Motor) -> Iterator[Finding]:
         spans = windows(time_s, is_far)
         largest = float(values[np.argmax(np.abs(values))])
         unit = find_unit(read[name].unit, CHANNEL[name].quantity) if name in read else None
-        why = [_marker(largest / (unit.factor if unit else 1.0))]
+        marker = _marker(largest / (unit.factor if unit else 1.0))
+        denied = _contradiction(record, motor, name, spans, MARKED if is_near else CONTRADICTION)
+        unshown = "" if is_near else _unshown(record, motor, spans)
         if is_near:
-            why += [_contradiction(record, motor, name, spans, MARKED)] if why[0] else []
-        elif _is_steady(values, first, past, rest) or why[0]:
-            why += [_contradiction(record, motor, name, spans), _unshown(record, motor, spans)]
-        why = [each for each in why if each]
-        if len(why) < 1 + is_near:
+            is_told = marker and denied
+        elif marker or _is_steady(values, first, past, rest):
+            is_told = marker or denied or unshown
+        else:  # a start draws more than its load, and its energy turns the rotor
+            is_told = denied and (unshown or abs(largest) > CONTRADICTION * rest)
+        if not is_told:
             continue
+        why = [each for each in (marker, denied, unshown) if each]
         step_s = float(np.median(np.diff(time_s)))
         lasts_s = float(np.sum(past - first)) * step_s
         advice = ". Find out what the logger writes for a value that is not valid."
@@ -180,8 +184,10 @@ def _contradiction(
         return ""
     quantity = CHANNEL[name].quantity
     if quantity in ("power", "torque"):
-        beside = np.interp(time_s[inside], time_s[~inside], np.abs(current[~inside]))
-        if np.all(np.abs(current[inside]) < FOLLOWS * np.maximum(beside, 1e-12)):
+        first, past = runs(inside)
+        size = np.abs(current)
+        beside = np.maximum(size[np.maximum(first - 1, 0)], size[np.minimum(past, size.size - 1)])
+        if np.all(size[inside] < FOLLOWS * np.maximum(np.repeat(beside, past - first), 1e-12)):
             return f"the phase current stays at {rounded(float(np.median(beside)))} A"
     elif quantity == "phase current" and motor.losses == "balance" and motor.phase_resistance_ohm:
         copper = float(np.median(motor.copper_loss_W(current, winding)[inside]))
@@ -203,12 +209,11 @@ def _unshown(record: Record, motor: Motor, spans: list[tuple[float, float]]) -> 
     energy_J = float(np.trapezoid(np.abs(heat_W - straight_W), time_s))
     lasting = np.exp(-SHOWS_S / np.array(fit.taus_s))
     expected_K = energy_J / len(spans) * float(np.min(fit.response_K_per_J @ lasting))
-    shown_K = []
-    for low, high in spans:
-        both = np.array([low, high + SHOWS_S])
-        rise = np.interp(both, reading_s, reading) - np.interp(both, fit.time_s, fit.fitted_degC)
-        shown_K.append(float(rise[1] - rise[0]))
-    if expected_K < max(LEAST_K, 3.0 * fit.rms_K) or max(shown_K) > SHOWN * expected_K:
+    # in the middle of the blocks, so that a bend of the reading within one is in both
+    unfitted_K = np.interp(fit.time_s, reading_s, reading) - fit.fitted_degC
+    edges_s = np.array(spans) + np.array([0.0, SHOWS_S])
+    shown_K = np.diff(np.interp(edges_s, fit.time_s, unfitted_K))
+    if expected_K < max(LEAST_K, 3.0 * fit.rms_K) or np.max(shown_K) > SHOWN * expected_K:
         return ""
     return (
         f"the winding shows none of its {rounded(energy_J / 1e3)} kJ ({rounded(expected_K)} K at "

@@ -22,6 +22,7 @@ from ..record.derive import RAD_PER_S_PER_RPM, recorded_shaft_power
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.samples import block_means, is_loaded, place, runs, samples
+from .course import warming
 
 COPPER_TOLERANCE = 0.03
 """Power and current instruments of a bench, and Rs0, are together good to about 3 % [1]."""
@@ -332,7 +333,9 @@ def _far_above_copper(record: Record, motor: Motor, line: str) -> Iterator[Findi
     """Report losses beside which the copper loss is next to nothing at the highest current."""
     time_s, copper, total = _copper_and_total(record, motor)
     speed = samples(record, "speed_rpm")[1]
-    if time_s.size < 6 or (speed.size and np.max(np.abs(speed)) < STANDSTILL_RPM):
+    rise_K, least_K = warming(record)
+    stands = bool(speed.size and np.max(np.abs(speed)) < STANDSTILL_RPM)
+    if time_s.size < 6 or stands or rise_K <= least_K:
         return
     is_high = copper > 0.8 * np.max(copper)
     share = copper[is_high] / np.maximum(total[is_high], 1e-12)

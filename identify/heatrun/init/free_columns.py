@@ -101,6 +101,10 @@ def jumps(values: np.ndarray) -> bool:
     return known.size > 20 and np.max(np.abs(np.diff(known))) > MOST_JUMP * np.ptp(known) > 0.0
 
 
+UPWARD = 0.05
+"""Of its fall [1]: by less a column rises on the way that falls throughout."""
+
+
 def warms_with(temperature: np.ndarray, load: np.ndarray) -> bool:
     """Return whether a column changes as a body heated by a load does.
 
@@ -121,6 +125,18 @@ def warms_with(temperature: np.ndarray, load: np.ndarray) -> bool:
     a, b, c = np.linalg.lstsq(columns, change, rcond=None)[0]
     left = change - columns @ np.array((a, b, c))
     return bool(a > 0.0 > b and np.var(left) <= (1.0 - LEAST_FIT) * np.var(change))
+
+
+def falls(temperature: np.ndarray) -> bool:
+    """Return whether a column falls from its first sample to its last, as a winding without load
+    does.
+    """
+    level = temperature[np.isfinite(temperature)]
+    if level.size < 20:
+        return False
+    means = np.array([np.median(part) for part in np.array_split(level, 20)])
+    rise = float(np.max(means - np.minimum.accumulate(means)))
+    return bool(means[0] - means[-1] > LEAST_RISE_K and rise < UPWARD * (means[0] - means[-1]))
 
 
 def warm_resistance(volts: np.ndarray, amperes: np.ndarray) -> tuple[float, float] | None:

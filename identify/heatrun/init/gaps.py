@@ -49,6 +49,9 @@ ANY_NUMBER = re.compile(r"(?<![\w.,])[+-]?[0-9]{1,4}(?:[.,][0-9]+)?(?![\w.,]*[0-
 NUMBERS = {"time_s": "10", "ambient_degC": "22.0"}
 """Channels that a number may take the place of, with an example [Hz, °C]."""
 
+UNLOADED = ("phase_current_A", "losses_W")
+"""What is 0 while a winding only cools."""
+
 MOST_CANDIDATES = 12
 LONGEST_LINE = 450
 """Characters; the motor file takes 500 on a right-hand side."""
@@ -127,6 +130,7 @@ def gaps(surveys: Sequence[Survey]) -> tuple[Gap, ...]:
         lacking = {test: "" for test in lacking if not _has("coolant_degC", tests[test])}
         wanted |= {"coolant_degC": lacking} if lacking else {}
     has_no_copper_loss = "phase_current_A" in _zeros(surveys) - somewhere
+    has_no_copper_loss |= all(one.only_cools for one in surveys)
     is_told = bool(found_resistance(surveys))
     keys = () if is_told else (_resistance(surveys, is_zero=has_no_copper_loss),)
     order = dict.fromkeys((*REQUIRED, *CHANNEL))
@@ -363,9 +367,13 @@ def _silent(name: str, one: Survey) -> Iterator[str]:
 
 
 def _constants(name: str, surveys: Sequence[Survey]) -> tuple[str, ...]:
-    """Return lines of `[constants]` for a room that was not recorded, or a shaft that stands."""
+    """Return lines of `[constants]` for a room that was not recorded, a shaft that stands, or a
+    winding that only cools.
+    """
     if name in AT_REST and all(one.under_direct_current for one in surveys):
         return (f"# {name} = 0.0  # direct current turns no shaft",)
+    if name in UNLOADED and all(one.only_cools for one in surveys):
+        return (f"# {name} = 0.0  # the winding cools from the first sample on: no load",)
     if name != "ambient_degC":
         return ()
     lines = []

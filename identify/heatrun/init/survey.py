@@ -18,6 +18,7 @@ from ..errors import InputError
 from ..io.open_file import open_input
 from ..io.own_files import refuse_own_file
 from ..io.quantities import printable
+from ..io.toml_text import table_header
 from ..readers.channel_map import MappedColumns, map_columns
 from ..readers.joined import files_of, has_rate
 from ..readers.measurement import Measurement, header_of
@@ -31,7 +32,7 @@ from ..record.motor import Motor
 from ..record.record import ColumnReading, Finding, Record
 from ..record.table import Table, preamble_of
 from .evidence import of_one_machine, without_misnamed
-from .free_columns import Evidence, FreeColumn, flat, free_column, text_column
+from .free_columns import Evidence, FreeColumn, falls, flat, free_column, text_column
 from .phase_means import PhaseMean, phase_means
 
 MOST_SAMPLED = 200
@@ -81,6 +82,7 @@ class Survey:
         findings: What the reader left out or doubts.
         test: The test that it is a file of, as the command line names it.
         machines: What is to be said of columns of a second machine, or empty.
+        only_cools: The winding that is recognised falls from the first sample to the last.
     """
 
     path: str
@@ -96,6 +98,7 @@ class Survey:
     findings: tuple[Finding, ...] = ()
     test: str = ""
     machines: str = ""
+    only_cools: bool = False
 
     @property
     def channels(self) -> frozenset[str]:
@@ -224,6 +227,11 @@ def _surveyed(
         silent=tuple(silent.values()),
         means=phase_means(table, free, values, known, found.lines, where),
         machines=machines,
+        only_cools=any(
+            falls(read[one.column])
+            for one in heard
+            if one.channel == "winding_degC" and one.column in read
+        ),
     )
 
 
@@ -330,11 +338,23 @@ def unread_test(path: Path | str, motor: Motor, error: InputError) -> UnreadTest
     channels = {channel for each in found for channel in each.channels}
     if has_rate(path) or any(each.mapped.rate_Hz is not None for each in found):
         channels.add("time_s")
+    told = {one.where.rpartition(" as ")[2] for one in faults.values()}
+    named = {channel for one in faults.values() for channel in [*_channels_in(one)][:1]}
+    absent = [one for one in motor.columns_of(name) if one not in channels | told | named]
+    if absent and named & motor.columns_of(name).keys():
+        own = f"{table_header('tests', name)[:-1]}.columns]"
+        reasons[0] = replace(
+            reasons[0],
+            message=f"{reasons[0].message} Nor has it what [columns] names for "
+            f"{', '.join(absent)}.",
+            remedy=f"If it is of another logger, name its columns under {own}; heatrun init {path} "
+            f"--out draft.toml proposes them. {reasons[0].remedy}",
+        )
+        channels |= {*absent, *named}
     held = {channel: np.ones(1) for channel in CHANNEL if channel in channels}
     held, _ = derive(held, phases=motor.phases, losses=motor.losses, constants=motor.constants)
     if tells_winding(held):
         held.setdefault("winding_degC", np.ones(1))
-    told = {one.where.rpartition(" as ")[2] for one in faults.values()}
     lacking = (
         finding
         for finding in missing_channel(Record(name, held), motor)
