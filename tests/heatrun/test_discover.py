@@ -5,6 +5,7 @@ And a small version of the study.
 
 import json
 from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 
 import jsonschema
@@ -15,6 +16,7 @@ from page_numbers import said_and_simulated
 
 from heatrun.checks.load_moments import with_load_moments
 from heatrun.cli import main
+from heatrun.errors import InputError
 from heatrun.export.rerun import as_replica, read_run_test
 from heatrun.model.catalogue import all_effects
 from heatrun.posterior.posterior import normal_draws
@@ -22,6 +24,7 @@ from heatrun.readers.mat5 import read_variables
 from heatrun.record.record import Record
 from heatrun.record.reduction import reduce
 from heatrun.results.schema import schema_of
+from heatrun.runs.run import open_run
 from lptn import EFFECTS
 
 IDS = {kind.card.id for kind in EFFECTS}
@@ -221,6 +224,22 @@ def test_the_bare_network_says_what_it_costs(tmp_path, capsys):
     assert said["use"]["use"] != "usable"
     (left,) = [each for each in said["findings"] if each["id"] == "effects_left_out"]
     assert "speed_cooling" in left["message"]
+
+
+def test_a_test_that_cannot_be_predicted_has_no_gap_and_the_run_can_be_read(tmp_path, monkeypatch):
+    def fail(*_, **__):
+        raise InputError("a node is too fast for the steps of this test.")
+
+    monkeypatch.setattr("heatrun.calibration.sample", quick_draws)
+    monkeypatch.setattr("heatrun.calibration.predict", fail)
+    said = StringIO()
+    with redirect_stdout(said):
+        assert main(["discover", MOTOR, STAIRCASE, "--quick", "--out", str(tmp_path / "run")]) == 0
+    found = open_run(tmp_path / "run").discovery
+    assert found.calibration is None
+    assert found.holdout is None
+    assert [effect.id for effect in found.effects] == TRUTH["hidden"]
+    assert " nan " not in said.getvalue()
 
 
 @pytest.fixture(scope="module")

@@ -155,7 +155,12 @@ def assemble(
     name = list(calibration.posteriors)[-1]
     posterior = calibration.posteriors[name]
     roles: list[Role] = [test.role for test in calibration.tests]
-    pairs = list(zip(zip(before, calibration.predictions[name], strict=True), roles, strict=True))
+    both = zip(before, calibration.predictions[name], strict=True)
+    # that one could not be predicted is a finding of the calibration
+    pairs: list[tuple[tuple[Prediction, Prediction], Role]] = [
+        (pair, role) for pair, role in zip(both, roles, strict=True)
+        if all(each.is_there for each in pair)
+    ]  # fmt: skip
     fitted = [p for p, role in pairs if role != "holdout"]
     held_out = [p for p, role in pairs if role == "holdout"]
     asked = found.asked
@@ -178,7 +183,7 @@ def assemble(
         ),
         candidates=describe_candidates(found),
         adequacy=AdequacyBeforeAfter(before=_adequacy(found.before), after=_adequacy(after)),
-        calibration=_gap(fitted, after.noise_K),
+        calibration=_gap(fitted, after.noise_K) if fitted else None,
         holdout=HeldOutGap(
             **asdict(_gap(held_out, after.noise_K)), took_part_in_selection=False, sentence=APART
         )

@@ -446,8 +446,8 @@ class DiscoveryResult:
         localisation: Where something is missing.
         candidates: Every effect of the library and what became of it.
         adequacy: What is left, against noise.
-        calibration: Errors over the calibration tests.
-        holdout: Errors over the held-out tests; null if there are none.
+        calibration: Errors over the calibration tests; null where none could be predicted.
+        holdout: Errors over the held-out tests; null if there are none, or none could be predicted.
         tests: Errors by test.
         parameters: Of the network, by name.
         noise: With the final model.
@@ -471,9 +471,9 @@ class DiscoveryResult:
     localisation: Localisation
     candidates: Annotated[tuple[CandidateFate, ...], Meta(min_length=1)]
     adequacy: AdequacyBeforeAfter
-    calibration: Gap
+    calibration: Gap | None
     holdout: HeldOutGap | None
-    tests: Annotated[tuple[ErrorsBeforeAfter, ...], Meta(min_length=1)]
+    tests: tuple[ErrorsBeforeAfter, ...]
     parameters: Annotated[dict[str, ParameterBeforeAfter], Meta(min_length=1)]
     noise: NoiseLevels
     posterior: PosteriorWords
