@@ -64,9 +64,10 @@ is tried to the next [1]."""
 BLOCKS = 300
 """Block means of a record that do for this [1]."""
 
-SURE, GAIN = 4.0, 8.0
+SURE, GAIN = 6.0, 8.0
 """Standard uncertainties by which the load comes late, and log likelihood over a load that does
-not, from which that is said [1]."""
+not, from which that is said [1]. No sum of lags is the machine's own law: on clean records of
+simulated motors the first reached 4.2, with a load 5 s late 5 to 12 in three of five."""
 
 
 def load_late(record: Record, motor: Motor) -> Iterator[Finding]:
