@@ -237,7 +237,6 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
     ),
     "contact lost over 25 min": ("sensor_detached", LOSES_CONTACT, MOTOR, "warning"),
     "contact lost over 25 min and no late load": ("load_late", LOSES_CONTACT, MOTOR, None),
-    "load 3 s late": ("load_late", late(CLEAN, 3.0), MOTOR, "error"),
     "one NaN": (
         "nan_block", edited(CLEAN, "losses_W", 600.0, 600.1, np.nan), MOTOR, "note"
     ),

@@ -25,18 +25,11 @@ from jaxtyping import Float
 from ..record.blocks import Blocks, strongest
 from ..record.motor import Motor
 from ..record.record import Finding, Record
-from ..record.samples import SLOW_LOGGER_S, median_step, place, samples, with_all_heat
+from ..record.samples import SLOW_LOGGER_S, median_step, place, samples
 from ..record.stretch import move_load
 from .advice import section_of
-from .clock_offset import (
-    MIN_BLOCKS,
-    heats_of,
-    likeliest_offset,
-    offset_of_response,
-    prepare_response,
-    stamp_sd_s,
-)
-from .quick_fit import quick_fit
+from .contact import lost_contact
+from .quick_fit import MAX_RESIDUAL_SHARE, quick_fit
 from .unexplained import unexplained_movement
 
 NUM_COLUMNS = (2, 4, 8)
@@ -54,71 +47,80 @@ FINE_BLOCKS = 1800
 """Blocks of the quick fit [1]: 4 s in a test of two hours, well below a winding of ten seconds."""
 
 
-LATEST_S, PART = 480.0, 0.1
-"""Largest lateness of the load's clock that is sought [s], and in parts of the record [1]."""
+LATE_S = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 160.0, 240.0, 320.0, 480.0)
+"""Offsets of the load's clock that are tried [s], up to `PART` of the record."""
 
-EARLIEST_S, WIDER = 60.0, 1.25
-"""Offsets the other way are tried up to here [s], as a sensor may lag; and the factor from one that
-is tried to the next [1]."""
+PROBES, PROMISING, PART = 3, 0.9, 0.1
+"""The first of them, and the misfit over that with the load as it is up to which one of these asks
+for the others [1]; and the largest, in parts of the record [1]."""
 
-BLOCKS = 300
+LEAST_K, LEAST_SHARE = 0.2, 0.002
+"""Misfit of a simple network [K], and in parts of the swing [1], that is worth a question."""
+
+FOLLOWED = 0.03
+"""Misfit in parts of the swing [1] beyond which a simple network does not follow the winding, and
+all are tried."""
+
+BETTER, FINE = 0.33, 0.02
+"""Misfit of a simple network with the load moved over that with the load as it is, up to which it
+is late, and share of the offset to which that is sought [1]."""
+
+BLOCKS = 240
 """Block means of a record that do for this [1]."""
-
-SURE, GAIN = 6.0, 8.0
-"""Standard uncertainties by which the load comes late, and log likelihood over a load that does
-not, from which that is said [1]. No sum of lags is the machine's own law: on clean records of
-simulated motors the first reached 4.2, with a load 5 s late 5 to 12 in three of five."""
 
 
 def load_late(record: Record, motor: Motor) -> Iterator[Finding]:
-    """Report a load whose clock is behind that of the temperatures: the winding answers a load
-    before it is recorded, which no heat does.
+    """Report a load whose clock is behind that of the temperatures: a simple network describes the
+    winding three times as well with the load moved to earlier.
 
-    A load that comes early is none: there the sensor may be late. Nothing is said of a record with
-    a bridged gap: when the load changed within it is stated, not recorded.
+    A load that comes early is none: there the sensor may be late.
     """
-    if any(found.id == "time_gap" for found in record.findings):
-        return
-    heats = heats_of(with_all_heat(record, motor))
     time_s, winding = samples(record, "winding_degC")
-    if heats is None or time_s.size < MIN_BLOCKS or not np.ptp(winding) > 0.0:
+    swing_K = float(np.ptp(winding)) if winding.size else 0.0
+
+    def misfit_K(late_s: float) -> float:
+        fit = quick_fit(move_load(record, -late_s, ""), motor, most_blocks=BLOCKS)
+        return MAX_RESIDUAL_SHARE * swing_K if fit is None else fit.rms_K
+
+    if not swing_K:
         return
-    step_s, most_s = median_step(time_s), min(LATEST_S, PART * float(np.ptp(time_s)))
-    response = prepare_response(time_s, winding, heats, most_s, most_blocks=BLOCKS)
-    tried = [0.0, max(1.0, 0.5 * step_s)]
-    while tried[-1] < most_s:
-        tried.append(max(tried[-1] + tried[1], WIDER * tried[-1]))
-    offsets = np.array([*np.negative(tried[:0:-1]), *(one for one in tried if one <= EARLIEST_S)])
+    offsets = [late_s for late_s in LATE_S if late_s < PART * float(np.ptp(time_s))]
+    if not offsets:
+        return
+    tried = {0.0: misfit_K(0.0)}
+    if tried[0.0] < max(LEAST_K, LEAST_SHARE * swing_K):
+        return
+    tried |= {late_s: misfit_K(late_s) for late_s in offsets[:PROBES]}
+    if PROMISING * tried[0.0] < min(tried.values()) and tried[0.0] < FOLLOWED * swing_K:
+        return
+    tried |= {late_s: misfit_K(late_s) for late_s in offsets[PROBES:]}
+    best = min(tried, key=lambda late_s: tried[late_s])
+    width_s = 0.25 * best
+    while width_s > FINE * best:
+        tried |= {late_s: misfit_K(late_s) for late_s in (best - width_s, best + width_s)}
+        best = min(tried, key=lambda late_s: tried[late_s])
+        width_s *= 0.5
     # within two samples the moment of a step is not known, which `load_timing` is for
-    if response.middle_s.size < MIN_BLOCKS or (
-        likeliest_offset(response, offsets)[0] > -2.0 * step_s
-    ):
-        return
-    found = offset_of_response(response, offsets)
-    late_s = -found.profile.mean_s
-    sd_s = float(np.hypot(found.profile.sd_s, stamp_sd_s(step_s, step_s)))
-    if (
-        found.profile.is_at_edge
-        or found.gain_over_none < GAIN
-        or late_s < max(2.0 * step_s, SURE * sd_s)
-    ):
+    if tried[best] > BETTER * tried[0.0] or best < 2.0 * median_step(time_s):
         return
     moved = unexplained_movement(record, motor)
     if moved is not None:
-        put_right = quick_fit(move_load(record, -late_s, ""), motor)
         spans = [(moved.from_s, moved.until_s)]
-        rest = quick_fit(record, motor, left_out_s=spans)
-        if put_right is None or (rest is not None and rest.rms_K < put_right.rms_K):
+        rest = quick_fit(record, motor, left_out_s=spans, most_blocks=BLOCKS)
+        if rest is not None and rest.rms_K < tried[best]:
             return  # a sensor that came off explains as much
+    lost = lost_contact(record, motor)
+    if lost is not None and lost.misfit_put_right_K < tried[best]:
+        return  # and so does one that comes off slowly
     yield Finding(
         "load_late",
         "error",
-        f"The winding moves about {late_s:.1f} s (± {2.0 * sd_s:.1f} s) before the load that moves "
-        "it: the load is recorded late.",
+        f"The winding moves about {best:.1f} s before the load that moves it: the load is recorded "
+        f"late. Moved, it leaves {tried[best]:.2g} K of {tried[0.0]:.2g} K to a simple network.",
         place(record, "losses_W", *map(float, record.time_s[[0, -1]])),
         f"Check the clocks of the loggers. To move the load: {section_of(record)} load_offset = "
-        f"{-late_s:.1f} in the motor file.",
-        values={"late_s": late_s, "late_sd_s": sd_s},
+        f"{-best:.1f} in the motor file.",
+        values={"late_s": best, "misfit_K": tried[0.0], "misfit_moved_K": tried[best]},
     )
 
 

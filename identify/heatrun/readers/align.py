@@ -1,7 +1,7 @@
 """Two loggers, one test: find how their clocks stand to each other and join their records.
 
 Temperatures and drive are often logged by two devices that were started by hand. The offset of the
-clocks is found by the motor's own thermal response (`heatrun.checks.clock_offset`); half a
+clocks is found by the motor's own thermal response (`heatrun.readers.clock_offset`); half a
 second of it is enough to invent a dead time that no motor has, so its uncertainty is part of the
 result. The drive is then averaged over the time that each temperature sample stands for, so that
 power is conserved; temperatures are never interpolated, since they are what a fit is scored on.
@@ -13,24 +13,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..checks.clock_offset import (
-    MIN_BLOCKS,
-    OffsetProfile,
-    Response,
-    ResponseOffset,
-    best_rate,
-    evenly_tried,
-    heats_of,
-    offset_of_response,
-    prepare_response,
-    stamp_sd_s,
-)
 from ..errors import InputError
 from ..io.toml_text import table_header
 from ..record.channels import CHANNEL
 from ..record.raster import means_around
 from ..record.record import Finding, Record
 from ..record.samples import is_measured, median_step, place, samples
+from .clock_offset import (
+    Heats,
+    OffsetProfile,
+    Response,
+    ResponseOffset,
+    best_rate,
+    offset_of_response,
+    prepare_response,
+    stamp_sd_s,
+)
 from .multirate import RMS_QUANTITY
 
 
@@ -93,6 +91,15 @@ def joined_channels(
 
 
 METHOD = "thermal response of the winding to the drive's power"
+
+MIN_BLOCKS = 60
+"""Seven gains and lags, four of the autoregression, and five times as many to judge by."""
+
+OFF_SHARE = 0.25
+"""A log whose first or last sample is below this share of its load [1] begins or ends with it."""
+
+MAX_GRID = 200_000
+"""Samples of the drive on an even grid: 10 Hz for five hours."""
 
 MAX_SD_S = 1.0
 """One second is 1 % of a winding's time constant, and moves Ceq_w by about as much."""
@@ -193,14 +200,7 @@ def find_alignment(
             where=temperature_record.name,
             remedy="Check that the column is mapped and the file complete.",
         )
-    heats = heats_of(drive_record)
-    if heats is None:
-        have = ", ".join(drive_record.channels)
-        raise InputError(
-            f"Expected a power or a current that changes, to align by; the channels are {have}.",
-            where=drive_record.name,
-            remedy="Map `losses_W`, `dc_power_W` or `phase_current_A` in the motor file.",
-        )
+    heats = _heats(drive_record)
     response = prepare_response(time_s, winding, heats, max_offset_s)
     if response.middle_s.size < MIN_BLOCKS:
         raise InputError(
@@ -213,7 +213,7 @@ def find_alignment(
             f"{table_header('tests', temperature_record.name)} load_offset = SECONDS in the motor "
             "file.",
         )
-    found = offset_of_response(response, evenly_tried(max_offset_s))
+    found = offset_of_response(response, max_offset_s)
     profile = found.profile
     stamp_s = stamp_sd_s(median_step(time_s), median_step(samples(drive_record)[0]))
     sd_s = float(np.hypot(profile.sd_s, stamp_s))
@@ -322,3 +322,51 @@ def _require_clock(record: Record) -> None:
             where=place(record, "time_s", float(time_s[back[0]])) if back.size else record.name,
             remedy="Split the file there." if back.size else "Check that the file is complete.",
         )
+
+
+def _heats(record: Record) -> Heats:
+    """What the drive's log says about heat: its power, and the square of the current beside it."""
+    time_s, *candidates = _first_power(record)
+    step_s = max(median_step(time_s), float(np.ptp(time_s)) / MAX_GRID)
+    grid_s = np.arange(time_s[0], time_s[-1] + 0.5 * step_s, step_s)
+    power = candidates[0] / float(np.max(np.abs(candidates[0])))
+    load = OFF_SHARE * float(np.quantile(power, 0.9))
+    values = [
+        np.interp(grid_s, time_s, heat) / float(np.max(np.abs(heat)))
+        for heat in candidates
+        if np.ptp(heat) > 0.0
+    ]
+    return Heats(
+        float(grid_s[0]),
+        step_s,
+        np.stack(values),
+        is_off_before=bool(power[0] < load),
+        is_off_after=bool(power[-1] < load),
+    )
+
+
+def _first_power(record: Record) -> tuple[np.ndarray, ...]:
+    """Time, the best power in the log, and the current squared where it was recorded."""
+    for names in (
+        ("losses_W",),
+        ("electrical_power_W",),
+        ("dc_power_W",),
+        ("dc_voltage_V", "dc_current_A"),
+        ("phase_current_A", "phase_current_A"),
+        ("dc_current_A", "dc_current_A"),
+    ):
+        time_s, *factors = samples(record, *names)
+        power = np.prod(factors, axis=0)
+        if time_s.size < 2 or not np.ptp(power) > 0.0:
+            continue
+        both_s, current = samples(record, "phase_current_A")
+        # A column of zeros is a current that was not recorded.
+        if both_s.size < 2 or not np.ptp(current) > 0.0 or names[0] == "phase_current_A":
+            return time_s, power
+        return time_s, power, np.interp(time_s, both_s, current**2)
+    have = ", ".join(record.channels)
+    raise InputError(
+        f"Expected a power or a current that changes, to align by; the channels are {have}.",
+        where=record.name,
+        remedy="Map `losses_W`, `dc_power_W` or `phase_current_A` in the motor file.",
+    )

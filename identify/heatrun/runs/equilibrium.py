@@ -11,8 +11,8 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-from ..checks.clock_offset import correlation
 from ..checks.quick_fit import Solved, closer, solved_decays, weighed
+from ..readers.clock_offset import correlation
 from ..record.motor import EQUILIBRIA, Criterion, Motor
 from ..record.record import Record
 from ..record.samples import block_means, has, rounding_step, runs, samples, sink_channel

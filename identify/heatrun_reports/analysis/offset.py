@@ -4,7 +4,7 @@
 answer to the drive. Two prototypes that drive one manoeuvre share most of their signals, so here
 these are laid over each other: the offset is the one at which a straight line explains most of each
 signal of one record by that of the other. A bias or a wrong scale therefore does not move it. Both
-search the likelihood of the offset in the same way (`heatrun.checks.clock_offset`).
+search the likelihood of the offset in the same way (`heatrun.readers.clock_offset`).
 
 Three traps lie here. Along a search the overlap of the records changes, and with it how much the
 signals vary in it: a slow course correlates best where its flat part is left out. So the stretch of
@@ -25,8 +25,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from heatrun.checks.clock_offset import correlation, search_offset, stamp_sd_s
 from heatrun.errors import InputError
+from heatrun.readers.clock_offset import correlation, search_offset, stamp_sd_s
 from heatrun.record.record import Finding, Record
 from heatrun.record.samples import median_step, samples
 

@@ -17,21 +17,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..record.record import Record
-from ..record.samples import median_step, samples
-from .quick_fit import first_order, solved
+from ..checks.quick_fit import first_order, solved
 
 MAX_BLOCKS = 1500
 """Blocks of the temperature: 3.6 s for 90 minutes, well under a winding's time constant."""
-
-MIN_BLOCKS = 60
-"""Seven gains and lags, four of the autoregression, and five times as many to judge by."""
-
-OFF_SHARE = 0.25
-"""A log whose first or last sample is below this share of its load [1] begins or ends with it."""
-
-MAX_GRID = 200_000
-"""Samples of the drive on an even grid: 10 Hz for five hours."""
 
 NUM_LAGS = 14
 SHORTEST_LAG_S = 3.0
@@ -68,55 +57,6 @@ class Heats:
     def end_s(self) -> float:
         """Last sample [s]."""
         return self.start_s + self.step_s * (self.values.shape[1] - 1)
-
-
-def heats_of(record: Record) -> Heats | None:
-    """Return what a log says about heat: its power, and the square of the current beside it.
-
-    None where it has no power and no current that changes.
-    """
-    powers = _first_power(record)
-    if not powers:
-        return None
-    time_s, *candidates = powers
-    step_s = max(median_step(time_s), float(np.ptp(time_s)) / MAX_GRID)
-    grid_s = np.arange(time_s[0], time_s[-1] + 0.5 * step_s, step_s)
-    power = candidates[0] / float(np.max(np.abs(candidates[0])))
-    load = OFF_SHARE * float(np.quantile(power, 0.9))
-    values = [
-        np.interp(grid_s, time_s, heat) / float(np.max(np.abs(heat)))
-        for heat in candidates
-        if np.ptp(heat) > 0.0
-    ]
-    return Heats(
-        float(grid_s[0]),
-        step_s,
-        np.stack(values),
-        is_off_before=bool(power[0] < load),
-        is_off_after=bool(power[-1] < load),
-    )
-
-
-def _first_power(record: Record) -> tuple[np.ndarray, ...]:
-    """Time, the best power in the log, and the current squared where it was recorded."""
-    for names in (
-        ("losses_W",),
-        ("electrical_power_W",),
-        ("dc_power_W",),
-        ("dc_voltage_V", "dc_current_A"),
-        ("phase_current_A", "phase_current_A"),
-        ("dc_current_A", "dc_current_A"),
-    ):
-        time_s, *factors = samples(record, *names)
-        power = np.prod(factors, axis=0)
-        if time_s.size < 2 or not np.ptp(power) > 0.0:
-            continue
-        both_s, current = samples(record, "phase_current_A")
-        # A column of zeros is a current that was not recorded.
-        if both_s.size < 2 or not np.ptp(current) > 0.0 or names[0] == "phase_current_A":
-            return time_s, power
-        return time_s, power, np.interp(time_s, both_s, current**2)
-    return ()
 
 
 @dataclass(frozen=True)
@@ -262,12 +202,7 @@ class Fit:
 
 
 def prepare_response(
-    time_s: np.ndarray,
-    temperature_degC: np.ndarray,
-    heats: Heats,
-    max_offset_s: float,
-    *,
-    most_blocks: int = MAX_BLOCKS,
+    time_s: np.ndarray, temperature_degC: np.ndarray, heats: Heats, max_offset_s: float
 ) -> Response:
     """Reduce a temperature [degC] over time [s] to blocks, and integrate the lagged heats.
 
@@ -275,7 +210,7 @@ def prepare_response(
     out, or the fits could not be compared: where the logs overlap too little none is left.
     """
     duration_s = float(time_s[-1] - time_s[0])
-    width_s = max(float(np.median(np.diff(time_s))), duration_s / most_blocks)
+    width_s = max(float(np.median(np.diff(time_s))), duration_s / MAX_BLOCKS)
     block = np.floor((time_s - time_s[0]) / width_s + 1e-6)
     first = np.concatenate(([0], np.flatnonzero(np.diff(block)) + 1))
     counts = np.diff(np.append(first, time_s.size))
@@ -406,20 +341,19 @@ class ResponseOffset:
         explained: Share of the temperature's variance that the drive's heat explains beyond
             constant and decays [1].
         gain: Log likelihood over that of a drive without influence.
-        gain_over_none: Log likelihood over that of clocks that agree.
         num_effective: Independent samples that the likelihood counts [1].
     """
 
     profile: OffsetProfile
     explained: float
     gain: float
-    gain_over_none: float
     num_effective: float
 
 
-def likeliest_offset(response: Response, tried_s: np.ndarray) -> tuple[float, Whitening]:
-    """Return the likeliest of some offsets of the drive's clock [s], and what whitens there."""
-    regressors = [response.columns(float(offset)) for offset in tried_s]
+def offset_of_response(response: Response, max_offset_s: float) -> ResponseOffset:
+    """Search the offset of the drive's clock in both directions up to a limit [s]."""
+    coarse = np.arange(-max_offset_s, max_offset_s + 0.5 * COARSE_S, COARSE_S)
+    regressors = [response.columns(float(offset)) for offset in coarse]
     whitening, best, at = PLAIN, None, 0
     # The autoregression moves the best offset, and that the residuals it comes from: twice.
     for _ in range(3):
@@ -427,18 +361,7 @@ def likeliest_offset(response: Response, tried_s: np.ndarray) -> tuple[float, Wh
         fits = [response.fit(X, whitening) for X in regressors]
         at = int(np.argmin([fit.squares for fit in fits]))
         best = fits[at]
-    return float(tried_s[at]), whitening
-
-
-def evenly_tried(max_offset_s: float) -> np.ndarray:
-    """Return offsets in both directions up to a limit [s], none of whose peaks hides between."""
-    return np.arange(-max_offset_s, max_offset_s + 0.5 * COARSE_S, COARSE_S)
-
-
-def offset_of_response(response: Response, tried_s: np.ndarray) -> ResponseOffset:
-    """Search the offset of the drive's clock from some that are tried first, increasing [s]."""
-    nearest_s, whitening = likeliest_offset(response, tried_s)
-    num_effective = _effective(response, nearest_s, whitening)
+    num_effective = _effective(response, float(coarse[at]), whitening)
 
     def log_likelihood(offset_s: float) -> float:
         return -0.5 * num_effective * float(np.log(fit_at(offset_s).squares))
@@ -446,7 +369,7 @@ def offset_of_response(response: Response, tried_s: np.ndarray) -> ResponseOffse
     def fit_at(offset_s: float, whitening: Whitening = whitening, **options: bool) -> Fit:
         return response.fit(response.columns(offset_s), whitening, **options)
 
-    profile = search_offset(log_likelihood, tried_s)
+    profile = search_offset(log_likelihood, coarse)
     likeliest = float(profile.offset_s[np.argmax(profile.log_likelihood)])
     unheated = fit_at(likeliest, without_heat=True).squares
     plain, plain_unheated = (fit_at(likeliest, PLAIN, without_heat=no) for no in (False, True))
@@ -454,7 +377,6 @@ def offset_of_response(response: Response, tried_s: np.ndarray) -> ResponseOffse
         profile,
         explained=1.0 - plain.squares / plain_unheated.squares,
         gain=0.5 * num_effective * float(np.log(unheated / fit_at(likeliest).squares)),
-        gain_over_none=log_likelihood(likeliest) - log_likelihood(0.0),
         num_effective=num_effective,
     )
 
