@@ -70,7 +70,10 @@ def measure(small: bool, only: str | None) -> tuple[list[Row], dict]:
         for call in calls:
             rows += call()
         taken = time.perf_counter() - begin
-        runs[name] = {"seconds": taken, "load": [load, os.getloadavg()[0]]}
+        runs[name] = {
+            "seconds": taken, "load": [load, os.getloadavg()[0]],
+            "date": datetime.date.today().isoformat(),
+        }  # fmt: skip
         print(f"· {name}: {taken:.0f} s", file=sys.stderr)
     return rows, runs
 
@@ -97,7 +100,6 @@ def machine() -> dict:
         "cores": os.cpu_count(),
         "python": platform.python_version(),
         "versions": {name: _version(name) for name in PACKAGES},
-        "date": datetime.date.today().isoformat(),
         "command": "make bench",
         "seed": SEED,
     }
@@ -133,13 +135,14 @@ def main() -> None:
 def head(about: dict, rows: list[Row]) -> str:
     """Return what stands above the tables."""
     versions = ", ".join(f"{name} {number}" for name, number in about["versions"].items())
-    runs = ", ".join(
-        f"{name} {run['seconds'] / 60:.1f} min at {run['load'][0]:.1f} to {run['load'][1]:.1f}"
+    runs = "; ".join(
+        f"{name} {run['seconds'] / 60:.1f} min at {run['load'][0]:.1f} to {run['load'][1]:.1f}, "
+        f"{run['date']}"
         for name, run in about["runs"].items()
     )
     missed = sum(row.missed for row in rows)
     return (
-        f"# Benchmark\n\n`{about['command']}`, seed {about['seed']}, {about['date']}, "
+        f"# Benchmark\n\n`{about['command']}`, seed {about['seed']}, "
         f"{about['processor']}, {about['cores']} cores, Python {about['python']}, {versions}.\n\n"
         f"Time of each section and load of the machine, of which one to two are the benchmark's "
         f"own: {runs}. {missed} of {sum(row.target is not None for row in rows)} targets are "
