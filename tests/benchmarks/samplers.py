@@ -16,7 +16,7 @@ from rows import Row, duration, seconds
 
 from heatrun.fit.fit import fit
 from heatrun.fit.fit_result import Fit
-from heatrun.model.problem import log_posterior, log_posterior_batch
+from heatrun.model.problem import NUM_NOISE, log_posterior, log_posterior_batch
 from heatrun.posterior.importance import importance_sample
 from heatrun.posterior.posterior import sample
 
@@ -53,7 +53,7 @@ def ensembles(made: dict, steps: int) -> list[Row]:
         )
         rows.append(Row(SECTION, "emcee 64 walkers, 10 Hz / numba", ratio, "1", 1.0, detail))
     problem = ours.problem(made)
-    size = problem.num_parameters + 3
+    size = problem.num_parameters + NUM_NOISE
     walkers = 1e-2 * np.random.default_rng(3).standard_normal((64, size))
 
     def density(vectors):
@@ -89,11 +89,7 @@ def effective_draws(made: dict, small: bool) -> list[Row]:
     weighted = importance_sample(found)
     taken = time.perf_counter() - begin
     said = f"Pareto k {weighted.pareto_k:.2f}, Kish {weighted.effective_size:.0f}"
-    rows.append(
-        Row(
-            SECTION, "guarded importance sampling, four rounds of 4096 draws", taken, "s", 0.5, said
-        )
-    )
+    rows.append(Row(SECTION, "importance samples of --quick", taken, "s", 0.5, said))
 
     sample(found, most_steps=500)
     begin = time.perf_counter()
