@@ -14,7 +14,7 @@ from rows import Row, duration, median, seconds
 
 import lptn
 from heatrun.model.model import Model
-from heatrun.model.problem import Problem, log_posterior_batch
+from heatrun.model.problem import NUM_NOISE, Problem, log_posterior_batch
 from heatrun.posterior.weighted import BATCH
 from heatrun.record.motor import Motor
 from lptn.effects import EFFECTS, AbstractEffect, build
@@ -74,7 +74,8 @@ def with_tests(small: bool) -> list[Row]:
         tests = [dataclasses.replace(single.tests[0], name=f"test {i}") for i in range(num)]
         problem = Problem.of(Model.of("second", motor), motor, tests)
         z = jnp.asarray(
-            1e-2 * np.random.default_rng(3).standard_normal((64, problem.num_parameters + 3))
+            1e-2
+            * np.random.default_rng(3).standard_normal((64, problem.num_parameters + NUM_NOISE))
         )
 
         def call(problem=problem, z=z):
