@@ -185,29 +185,35 @@ def warming(record: Record) -> tuple[float, float]:
     """Return by how much the winding warms at most, and how much that must be to be a heating
     [K].
     """
-    winding, (_, means) = _winding(record)
+    time_s, winding = samples(record, "winding_degC")
+    return _rise(winding, _means(time_s, winding)[1])
+
+
+def _rise(winding: np.ndarray, means: np.ndarray) -> tuple[float, float]:
+    """Return what `warming` does, of readings and their means [degC]."""
     rise = float(np.max(means - np.minimum.accumulate(means), initial=0.0))
     return rise, max(HEATED_STEPS * (rounding_step(winding) or 0.0), HEATED_K)
 
 
-def _winding(record: Record) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
-    """Return the readings of the winding [degC], and the times and values of their means."""
-    time_s, winding = samples(record, "winding_degC")
+def _means(time_s: np.ndarray, winding: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the times [s] and values [degC] of the means over which a rise counts."""
     width_s = max(10.0, float(np.ptp(time_s)) / 200.0) if time_s.size else 10.0
-    return winding, block_means(time_s, width_s, winding)
+    means_s, means, *_ = block_means(time_s, width_s, winding)
+    return means_s, means
 
 
 def no_heating(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report a winding that never warms: an error, or a warning where the test is a cooling
     curve.
     """
-    winding, (means_s, means) = _winding(record)
-    if winding.size < 3:
+    time_s, winding = samples(record, "winding_degC")
+    if time_s.size < 3:
         return
+    means_s, means = _means(time_s, winding)
     if means_s.size < 2:
-        yield _no_time(record, samples(record, "winding_degC")[0])
+        yield _no_time(record, time_s)
         return
-    rise, limit = warming(record)
+    rise, limit = _rise(winding, means)
     fall = float(np.max(np.maximum.accumulate(means) - means))
     if rise > limit:
         return
