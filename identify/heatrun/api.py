@@ -32,13 +32,9 @@ Files = Sequence[str | Path] | str | Path
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a discovery found.
+    """What a discovery found."""
 
-    Attributes:
-        run: Its run: the model with the effects that were accepted.
-    """
-
-    run: Run
+    run: Run  # Its run: the model with the effects that were accepted.
 
     @property
     def result(self) -> DiscoveryResult:

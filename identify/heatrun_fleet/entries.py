@@ -43,24 +43,17 @@ class Row:
 
 @dataclass(frozen=True)
 class Entry:
-    """A machine of the fleet.
+    """A machine of the fleet."""
 
-    Attributes:
-        machine: Its name, unique in the fleet.
-        type: What it is one of; empty if nothing is said.
-        motor: Its motor file, relative to the fleet file; empty if none is named.
-        tests: Tests that are fitted, as the command line names them, relative to the fleet file.
-        holdout: Tests that are predicted only.
-        covariates: Further columns with their texts, in the order of the file.
-        findings: What its rows suffer from; one of severity `"error"` refuses the machine.
-    """
-
-    machine: str
-    type: str
-    motor: str
+    machine: str  # Its name, unique in the fleet.
+    type: str  # What it is one of; empty if nothing is said.
+    motor: str  # Its motor file, relative to the fleet file; empty if none is named.
+    # Tests that are fitted, as the command line names them, relative to the fleet file.
     tests: tuple[str, ...]
-    holdout: tuple[str, ...] = ()
+    holdout: tuple[str, ...] = ()  # Tests that are predicted only.
+    # Further columns with their texts, in the order of the file.
     covariates: tuple[tuple[str, str], ...] = ()
+    # What its rows suffer from; one of severity `"error"` refuses the machine.
     findings: tuple[Finding, ...] = ()
 
     @property

@@ -59,15 +59,10 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class FleetResult:
-    """What a fleet's calibrations left.
+    """What a fleet's calibrations left."""
 
-    Attributes:
-        path: The folder.
-        manifest: What stands in its `manifest.json`.
-    """
-
-    path: Path
-    manifest: dict[str, Any]
+    path: Path  # The folder.
+    manifest: dict[str, Any]  # What stands in its `manifest.json`.
 
     @property
     def machines_path(self) -> Path:

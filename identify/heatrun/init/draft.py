@@ -34,17 +34,12 @@ NONE = "none"
 
 @dataclass(frozen=True)
 class Choice:
-    """A channel, and what of the files it may be.
+    """A channel, and what of the files it may be."""
 
-    Attributes:
-        channel: Canonical name.
-        sides: Right-hand sides of `[columns]` with what each holds, the proposed one first.
-        is_proposed: The first one holds unless a person says otherwise.
-    """
-
-    channel: str
+    channel: str  # Canonical name.
+    # Right-hand sides of `[columns]` with what each holds, the proposed one first.
     sides: Mapping[str, str]
-    is_proposed: bool
+    is_proposed: bool  # The first one holds unless a person says otherwise.
 
 
 def choices(surveys: Sequence[Survey]) -> tuple[Choice, ...]:

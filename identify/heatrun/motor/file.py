@@ -286,17 +286,12 @@ HEAT = "unmodelled_heat"
 
 @dataclass(frozen=True)
 class NextMachine:
-    """What a population says of its next machine before its first test.
+    """What a population says of its next machine before its first test."""
 
-    Attributes:
-        parameters: Prior of each thermal parameter.
-        effects: Ids of the effects that its machines were calibrated with.
-        unmodelled_heat: Median of the prior of the heat that the network misses, sd over the mean
-            loss [1]; None where the machines do not tell it.
-    """
-
-    parameters: dict[str, ParameterOverride]
-    effects: tuple[str, ...] = ()
+    parameters: dict[str, ParameterOverride]  # Prior of each thermal parameter.
+    effects: tuple[str, ...] = ()  # Ids of the effects that its machines were calibrated with.
+    # Median of the prior of the heat that the network misses, sd over the mean loss [1]; None where
+    # the machines do not tell it.
     unmodelled_heat: float | None = None
 
 

@@ -19,36 +19,22 @@ from .file import UNITS
 
 @dataclass(frozen=True)
 class Key:
-    """One key of the motor file.
+    """One key of the motor file."""
 
-    Attributes:
-        name: As it is written.
-        meaning: One or two sentences, with the unit.
-        example: Right-hand side as TOML.
-        default: What holds where it is not given, in words.
-    """
-
-    name: str
-    meaning: str
-    example: str
-    default: str
+    name: str  # As it is written.
+    meaning: str  # One or two sentences, with the unit.
+    example: str  # Right-hand side as TOML.
+    default: str  # What holds where it is not given, in words.
 
 
 @dataclass(frozen=True)
 class Section:
-    """A section of the motor file.
+    """A section of the motor file."""
 
-    Attributes:
-        name: As it stands in brackets; `parameters.NAME` for one section for each parameter.
-        meaning: What it is for.
-        keys: Its keys; empty where they are names of channels.
-        is_list: It may stand several times, in double brackets.
-    """
-
-    name: str
-    meaning: str
-    keys: tuple[Key, ...] = ()
-    is_list: bool = False
+    name: str  # As it stands in brackets; `parameters.NAME` for one section for each parameter.
+    meaning: str  # What it is for.
+    keys: tuple[Key, ...] = ()  # Its keys; empty where they are names of channels.
+    is_list: bool = False  # It may stand several times, in double brackets.
 
     @property
     def heading(self) -> str:

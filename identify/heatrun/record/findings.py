@@ -38,16 +38,11 @@ ORDER: dict[Doubt, str] = {
 
 
 class Kind(NamedTuple):
-    """All findings of one id.
+    """All findings of one id."""
 
-    Attributes:
-        meaning: What was found, in a sentence.
-        doubt: What a warning puts in doubt, of `ORDER`.
-        said: The same said of the record, as in "To be cleared up first: …"; empty where it is not.
-    """
-
-    meaning: str
-    doubt: Doubt = ""
+    meaning: str  # What was found, in a sentence.
+    doubt: Doubt = ""  # What a warning puts in doubt, of `ORDER`.
+    # The same said of the record, as in "To be cleared up first: …"; empty where it is not.
     said: str = ""
 
 

@@ -125,15 +125,10 @@ EDGES = " _-:|,/=."
 
 @dataclass(frozen=True)
 class Heading:
-    """What a column name says.
+    """What a column name says."""
 
-    Attributes:
-        label: The name without its marked units.
-        units: The marked units in their order, mostly one or none.
-    """
-
-    label: str
-    units: tuple[str, ...]
+    label: str  # The name without its marked units.
+    units: tuple[str, ...]  # The marked units in their order, mostly one or none.
 
 
 def split_name(name: str, where: str = "") -> tuple[str, str | None]:

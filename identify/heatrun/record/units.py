@@ -26,19 +26,12 @@ from ..errors import InputError
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit of one quantity: `canonical = factor * value + offset`.
+    """A unit of one quantity: `canonical = factor * value + offset`."""
 
-    Attributes:
-        symbol: As it is printed.
-        spellings: Other ways in which benches write it.
-        factor: Canonical units per unit.
-        offset: Added after the factor, in canonical units.
-    """
-
-    symbol: str
-    spellings: tuple[str, ...] = ()
-    factor: float = 1.0
-    offset: float = 0.0
+    symbol: str  # As it is printed.
+    spellings: tuple[str, ...] = ()  # Other ways in which benches write it.
+    factor: float = 1.0  # Canonical units per unit.
+    offset: float = 0.0  # Added after the factor, in canonical units.
 
 
 ROOT_2 = math.sqrt(2.0)

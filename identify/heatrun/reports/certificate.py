@@ -131,18 +131,12 @@ def judged(entry: FittedParameter, say: Texts = ENGLISH) -> str:
 
 @dataclass(frozen=True)
 class ParameterLine:
-    """A line of the table of parameters.
+    """A line of the table of parameters."""
 
-    Attributes:
-        name: As printed.
-        meaning: Likewise.
-        entry: The parameter.
-        figure: What it is at stated conditions, where the line is about that.
-    """
-
-    name: str
-    meaning: str
-    entry: FittedParameter
+    name: str  # As printed.
+    meaning: str  # Likewise.
+    entry: FittedParameter  # The parameter.
+    # What it is at stated conditions, where the line is about that.
     figure: DerivedFigure | None = None
 
     @property

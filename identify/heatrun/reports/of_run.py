@@ -37,15 +37,10 @@ DCC = "dcc.xml"
 
 @dataclass(frozen=True)
 class Sheet:
-    """What was written.
+    """What was written."""
 
-    Attributes:
-        result: What it says: that of the run, with a finding for each part that failed.
-        files: The files, figures last.
-    """
-
-    result: FitResult
-    files: list[Path]
+    result: FitResult  # What it says: that of the run, with a finding for each part that failed.
+    files: list[Path]  # The files, figures last.
 
 
 def write_sheet(run: Run, folder: Path, certificate: Certificate | None = None) -> Sheet:

@@ -40,13 +40,9 @@ Covariates = Mapping[str, Sequence[Any]] | Sequence[str]
 
 @dataclass(frozen=True)
 class TypeOfMachine:
-    """What is known of a type of machine.
+    """What is known of a type of machine."""
 
-    Attributes:
-        result: What stands in `population.json`.
-    """
-
-    result: PopulationResult
+    result: PopulationResult  # What stands in `population.json`.
 
     @property
     def content(self) -> dict[str, Any]:

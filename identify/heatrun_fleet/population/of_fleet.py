@@ -32,19 +32,12 @@ LONGEST_REASON = 300
 
 @dataclass(frozen=True)
 class FleetRows:
-    """The rows of a fleet.
+    """The rows of a fleet."""
 
-    Attributes:
-        path: The file.
-        name: Of the fleet; empty if it is not known.
-        rows: Without what they say of effects.
-        sha256: Of the file.
-    """
-
-    path: Path
-    name: str
-    rows: tuple[Row, ...]
-    sha256: str
+    path: Path  # The file.
+    name: str  # Of the fleet; empty if it is not known.
+    rows: tuple[Row, ...]  # Without what they say of effects.
+    sha256: str  # Of the file.
 
     @property
     def types(self) -> dict[str, int]:
