@@ -52,15 +52,10 @@ MAT_HEADER = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
 
 @dataclass(frozen=True)
 class Target:
-    """Something that reads bytes.
+    """Something that reads bytes."""
 
-    Attributes:
-        run: Takes the bytes; anything but a quiet end is a fault.
-        seeds: Whole files.
-    """
-
-    run: Callable[[bytes], None]
-    seeds: tuple[bytes, ...]
+    run: Callable[[bytes], None]  # Takes the bytes; anything but a quiet end is a fault.
+    seeds: tuple[bytes, ...]  # Whole files.
 
 
 def record(suffix: str, *, start: bytes = b"") -> Callable[[bytes], None]:

@@ -91,17 +91,11 @@ def any_network(request, network, four_nodes):
 
 
 class Seen(NamedTuple):
-    """What a network does under an effect.
+    """What a network does under an effect."""
 
-    Attributes:
-        reading: At the edges [degC].
-        temperature: By node, at the edges [degC].
-        gap: Largest gap of the balance of energy against the heat put in [1].
-    """
-
-    reading: Any
-    temperature: Any
-    gap: Any
+    reading: Any  # At the edges [degC].
+    temperature: Any  # By node, at the edges [degC].
+    gap: Any  # Largest gap of the balance of energy against the heat put in [1].
 
 
 def seen_under(network, losses, short, start, effects):
