@@ -51,19 +51,12 @@ from .variables import Corrections
 
 
 class Sourced(NamedTuple):
-    """The network of a run as C.
+    """The network of a run as C."""
 
-    Attributes:
-        source: The C.
-        parameters: What the run has found, with its intervals.
-        found: Test and values that it was made of.
-        notes: Sentences on them.
-    """
-
-    source: CSource
-    parameters: list[Entry]
-    found: RunAndTest
-    notes: tuple[str, ...]
+    source: CSource  # The C.
+    parameters: list[Entry]  # What the run has found, with its intervals.
+    found: RunAndTest  # Test and values that it was made of.
+    notes: tuple[str, ...]  # Sentences on them.
 
 
 def export_source(

@@ -30,15 +30,10 @@ NUM_RANDOM_KEYS = 624
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A folder with the chunks of one ensemble.
+    """A folder with the chunks of one ensemble."""
 
-    Attributes:
-        folder: Where the chunks lie.
-        key: Digest of what is sampled; chunks of anything else are not taken up.
-    """
-
-    folder: Path
-    key: str
+    folder: Path  # Where the chunks lie.
+    key: str  # Digest of what is sampled; chunks of anything else are not taken up.
 
     def load(self) -> list[dict[str, np.ndarray]]:
         """Return the chunks in order, up to the first that is missing or cannot be gone on from.

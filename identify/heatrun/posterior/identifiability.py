@@ -46,15 +46,10 @@ LAST_LOAD_S = 600.0
 
 @dataclass(frozen=True)
 class Statement:
-    """What is said of one parameter.
+    """What is said of one parameter."""
 
-    Attributes:
-        verdict: In a word.
-        why: What blocks it, or what it rests on; a sentence.
-    """
-
-    verdict: Verdict
-    why: str
+    verdict: Verdict  # In a word.
+    why: str  # What blocks it, or what it rests on; a sentence.
 
 
 def state(

@@ -221,17 +221,12 @@ LINKS = ("", "s", "n", "es", "en", "e")
 
 @dataclass(frozen=True)
 class Spoken:
-    """What a name says.
+    """What a name says."""
 
-    Attributes:
-        meanings: Of its words.
-        is_clear: Each of its words is known, and none is a number or takes a part of the values.
-        is_symbol: Its quantity is said by a symbol alone.
-    """
-
-    meanings: frozenset[str]
+    meanings: frozenset[str]  # Of its words.
+    # Each of its words is known, and none is a number or takes a part of the values.
     is_clear: bool
-    is_symbol: bool
+    is_symbol: bool  # Its quantity is said by a symbol alone.
 
     @property
     def is_electrical_speed(self) -> bool:

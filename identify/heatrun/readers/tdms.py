@@ -140,17 +140,11 @@ LEAST_KNOWN: tuple[UnitSource, ...] = ("assumed", "name", "stated")
 
 @dataclass(frozen=True)
 class Clock:
-    """Where the times of a group come from.
+    """Where the times of a group come from."""
 
-    Attributes:
-        channel: The channel of times, None if each channel has a start and an increment.
-        origin: First date in it, None for plain numbers.
-        unit: Unit of plain numbers that `[columns]` gives, None if it gives none.
-    """
-
-    channel: Any = None
-    origin: np.datetime64 | None = None
-    unit: str | None = None
+    channel: Any = None  # The channel of times, None if each channel has a start and an increment.
+    origin: np.datetime64 | None = None  # First date in it, None for plain numbers.
+    unit: str | None = None  # Unit of plain numbers that `[columns]` gives, None if it gives none.
 
 
 @contextlib.contextmanager

@@ -44,16 +44,11 @@ HEADER_ROWS = 40
 
 @dataclass(frozen=True)
 class Sheet:
-    """A sheet of an open workbook of the library's.
+    """A sheet of an open workbook of the library's."""
 
-    Attributes:
-        name: As on its tab.
-        where: The file, for messages.
-    """
-
-    name: str
+    name: str  # As on its tab.
     is_hidden: bool
-    where: str
+    where: str  # The file, for messages.
     book: Any
     opened: Any
 
