@@ -19,7 +19,8 @@ import numpy as np
 from jaxtyping import Float
 
 from ..errors import InputError, did_you_mean
-from ..motor.file import RANGES, UNITS, limits_around, refuse_implausible
+from ..motor.file import RANGES, limits_around, refuse_implausible
+from ..motor.keys import UNITS
 from ..record.motor import Motor, ParameterOverride
 
 if TYPE_CHECKING:

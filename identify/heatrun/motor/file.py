@@ -12,7 +12,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
@@ -27,7 +27,7 @@ from ..io.toml_text import (
     shown,
     text_of,
 )
-from ..record.channels import BODIES, CHANNEL, body_name, parse_claims
+from ..record.channels import BODIES, CHANNEL, parse_claims
 from ..record.motor import (
     EQUILIBRIA,
     HEAT_LIMITS,
@@ -43,8 +43,7 @@ from ..record.motor import (
 )
 from ..record.stretch import Stretch, in_order, parse_time
 from .certificate import parse_certificate
-
-PARTS_KEYS = ("use", "use_rows", "mask", "bridge", "gap", "load_offset", "columns")
+from .keys import KEYS, UNITS
 
 MOST_CHOICES = 20
 """Right-hand sides of one channel."""
@@ -72,7 +71,7 @@ def parse_parts(section: Mapping[str, Any], where: str) -> dict[str, PartsOfTest
                 where=at,
                 remedy=f"Write [tests.{name}] and below it use = [[600, 5400]], for example.",
             )
-        check_keys(keys, PARTS_KEYS, at, "key")
+        check_keys(keys, KEYS["tests.NAME"], at, "key")
         if "use" in keys and "use_rows" in keys:
             raise InputError(
                 "Both use and use_rows are given.", where=at, remedy="Keep one of them."
@@ -172,24 +171,6 @@ def _end(value: Any, key: str, where: str) -> float:
         remedy="Times are counted from the first sample of the file.",
     )
 
-
-UNITS = {
-    "Ceq": "J/K", "Ceq_w": "J/K", "Ceq_sr": "J/K",
-    "Req": "K/W", "Req_w": "K/W", "Req_sr": "K/W",
-    "Rs0": "ohm",
-    "Tw_start": "degC", "Tsr_start": "degC",
-    "sensor_offset": "K", "ambient_offset": "K", "second_sink_offset": "K",
-    "power_gain": "1", "sensor_gain": "1", "current_gain": "1",
-    "torque_offset": "N m",
-    "shaft_power_gain": "1", "shaft_power_offset": "W",
-    "load_timing": "s",
-    **{
-        f"{body_name(channel)}_{part}": unit
-        for channel in BODIES
-        for part, unit in (("gain", "1"), ("offset", "K"), ("lag", "s"))
-    },
-}  # fmt: skip
-"""Units of the parameters beside those of effects, known before any model is made."""
 
 RANGES = {
     "J/K": (1e-3, 1e10),  # copper has 385 J/(kg K)
@@ -372,21 +353,10 @@ def _is_sound(prior: ParameterOverride) -> bool:
 INSULATION_CLASSES = tuple(LIMIT_DEGC)
 """Letters of IEC 60085, in the order of their temperature."""
 
-KEYS: dict[str, tuple[str, ...]] = {
-    "motor": ("name", "phases", "losses", "sink", "insulation_class", "equilibrium",
-              "rated_speed_rpm", "rated_current_A", "mass_kg", "raster_s", "decimal"),
-    "winding": ("material", "resistance_coefficient_degC", "phase_resistance_ohm",
-                "reference_temperature_degC", "measured_resistance_ohm", "lead_resistance_ohm",
-                "conductor_mass_kg"),
-    "vehicle": ("gear_ratio", "wheel_radius_m"),
-    "adequacy": ("unmodelled_heat", "heat_time_s"),
-    "population": ("run",),
-    "shutdown": tuple(one.name for one in fields(ShutDown)),
-    "scales": tuple(one.name for one in fields(Scales)),
-}  # fmt: skip
-"""Sections with a fixed set of keys; `[columns]` and `[parameters.NAME]` have their own."""
+PLAIN = ("motor", "winding", "vehicle", "adequacy", "population", "shutdown", "scales")
+"""Sections whose keys are read one by one."""
 
-OVERRIDE_KEYS = ("fixed", "value", "relative_sd", "sd", "per_test")
+OVERRIDE_KEYS = KEYS["parameters.NAME"]
 
 LARGEST = 10**30
 """Beyond it no quantity of a motor means anything in any unit."""
@@ -426,18 +396,11 @@ def load_motor(path: str | Path) -> Motor:
 def parse_motor(data: bytes, where: str) -> Motor:
     """Return the machine of a motor file; errors as `load_motor`."""
     content = parse_toml(data, where)
-    check_keys(
-        content,
-        (*KEYS, "model", "columns", "constants", "sensors", "tests", "parameters", "certificate"),
-        where,
-        "section",
-    )
-    sections = {name: section_of(content, name, where) for name in KEYS}
-    for name, keys in KEYS.items():
-        check_keys(sections[name], keys, f"{where}, [{name}]", "key")
-    motor, winding, vehicle, adequacy, population, shutdown, scales = (
-        sections[name] for name in KEYS
-    )
+    check_keys(content, list(dict.fromkeys(n.partition(".")[0] for n in KEYS)), where, "section")
+    sections = {name: section_of(content, name, where) for name in PLAIN}
+    for name, section in sections.items():
+        check_keys(section, KEYS[name], f"{where}, [{name}]", "key")
+    motor, winding, vehicle, adequacy, population, shutdown, scales = sections.values()
     sisters = next_of_population(population, where)
     effects = _effects(section_of(content, "model", where), where)
     if "name" not in motor:
@@ -447,7 +410,7 @@ def parse_motor(data: bytes, where: str) -> Motor:
             remedy='Add: name = "…".',
         )
     at, at_winding, at_vehicle, at_adequacy, _, at_shutdown, at_scales = (
-        f"{where}, [{name}]" for name in KEYS
+        f"{where}, [{name}]" for name in PLAIN
     )
     return Motor(
         name=text_of(motor, "name", at),
@@ -572,7 +535,7 @@ def _leads(winding: Mapping[str, Any], where: str) -> float:
 
 def _effects(section: Mapping[str, Any], where: str) -> tuple[str, ...]:
     at = f"{where}, [model]"
-    check_keys(section, ("effects",), at, "key")
+    check_keys(section, KEYS["model"], at, "key")
     effects = section.get("effects", [])
     if not isinstance(effects, list) or not all(isinstance(e, str) for e in effects):
         raise InputError(

@@ -3,6 +3,8 @@
 The certificate's part (who, what, when, with which instruments) stands in `[certificate]` or in a
 file of its own (`--meta`). All of it may be left out; what is not given is a blank line on the
 certificate.
+
+What stands in the motor file under the name of a field is explained in `heatrun.motor.keys`.
 """
 
 from __future__ import annotations
@@ -28,38 +30,38 @@ INSTRUMENT_KEYS = ("quantity", "instrument", "class", "calibration", "valid_unti
 class Instrument:
     """A measuring instrument."""
 
-    quantity: str = ""  # What it measured.
-    instrument: str = ""  # Its name, with type and number.
-    accuracy_class: str = ""  # Its class or uncertainty.
-    calibration: str = ""  # Reference of its own calibration.
-    valid_until: str = ""  # Day until which that is valid, ISO 8601.
+    quantity: str = ""
+    instrument: str = ""
+    accuracy_class: str = ""
+    calibration: str = ""
+    valid_until: str = ""
 
 
 @dataclass(frozen=True)
 class Certificate:
     """What `[certificate]` says; what is not given is empty. Days are ISO 8601."""
 
-    number: str = ""  # Number of the certificate.
-    laboratory: str = ""  # Who made the test.
-    laboratory_address: str = ""  # Where the laboratory is.
-    customer: str = ""  # For whom.
-    customer_address: str = ""  # Where the customer is.
-    machine_type: str = ""  # Type of the machine.
-    manufacturer: str = ""  # Of the machine.
-    serial_number: str = ""  # Of the machine.
-    condition: str = ""  # State in which the machine was tested.
-    operator: str = ""  # Who ran the test.
-    approved_by: str = ""  # Who answers for the certificate.
-    bench: str = ""  # The test bench.
-    remarks: str = ""  # Whatever else is to stand there.
-    received: str = ""  # Day on which the machine came.
-    test_from: str = ""  # First day of the test.
-    test_until: str = ""  # Last day of the test.
-    issue_date: str = ""  # Day on which the certificate was issued.
-    performed_at: str = ""  # One of `PLACES`.
-    country: str = ""  # Of the laboratory, two letters of ISO 3166-1.
-    language: str = ""  # Of the sheet, by `heatrun.io.texts.LANGUAGES`; empty for English.
-    instruments: tuple[Instrument, ...] = ()  # What was measured with.
+    number: str = ""
+    laboratory: str = ""
+    laboratory_address: str = ""
+    customer: str = ""
+    customer_address: str = ""
+    machine_type: str = ""
+    manufacturer: str = ""
+    serial_number: str = ""
+    condition: str = ""
+    operator: str = ""
+    approved_by: str = ""
+    bench: str = ""
+    remarks: str = ""
+    received: str = ""
+    test_from: str = ""
+    test_until: str = ""
+    issue_date: str = ""
+    performed_at: str = ""
+    country: str = ""
+    language: str = ""
+    instruments: tuple[Instrument, ...] = ()
 
     def beneath(self, other: Certificate) -> Certificate:
         """Return this one with whatever another one says in the place of its own."""
@@ -90,12 +92,11 @@ def _as_table(instrument: Instrument) -> dict[str, str]:
 class ParameterOverride:
     """What `[parameters.NAME]` in the motor file says; unset fields keep the default."""
 
-    # The parameter is not estimated but held at this value (in its unit).
     fixed: float | None = None
-    value: float | None = None  # Centre of the prior (in its unit).
-    relative_sd: float | None = None  # Standard deviation of the prior relative to the value [1].
-    sd: float | None = None  # Standard deviation of the prior (in the parameter's unit).
-    per_test: bool | None = None  # Estimated for each test apart instead of shared.
+    value: float | None = None
+    relative_sd: float | None = None
+    sd: float | None = None
+    per_test: bool | None = None
 
 
 COEFFICIENTS_degC = {"copper": 234.5, "aluminium": 225.0}
@@ -147,9 +148,7 @@ HEAT_LIMITS = (1e-5, 0.05)
 class Adequacy:
     """How far a network of a few nodes is trusted: the prior of the heat that it misses."""
 
-    # Median of the prior of its standard deviation, over the mean loss [1].
     unmodelled_heat: float = 0.0015
-    # Its correlation time [s]: between the time constants of a winding and of a machine.
     heat_time_s: float = 1200.0
 
 
@@ -159,34 +158,29 @@ class Scales:
     that are predicted. A parameter such as `stray_load_loss.k` holds there.
     """
 
-    speed_rpm: float | None = None  # Speed [rpm].
-    current_A: float | None = None  # Rms current [A].
-    flow_L_per_min: float | None = None  # Flow of the coolant [L/min].
+    speed_rpm: float | None = None
+    current_A: float | None = None
+    flow_L_per_min: float | None = None
 
 
 @dataclass(frozen=True)
 class ShutDown:
     """What `[shutdown]` says of the readings after switch-off; standard deviations are k = 1."""
 
-    cold_resistance_sd: float = 0.002  # Of `measured_resistance_ohm`, relative [1].
-    cold_temperature_sd_K: float = 1.0  # Of the winding when that was measured [K].
-    coefficient_sd_degC: float = 1.0  # Of B [degC].
-    lead_sd: float = 0.2  # Of `lead_resistance_ohm`, relative [1].
-    # Of one reading, as a temperature [K]; None where the readings are to tell.
+    cold_resistance_sd: float = 0.002
+    cold_temperature_sd_K: float = 1.0
+    coefficient_sd_degC: float = 1.0
+    lead_sd: float = 0.2
     reading_sd_K: float | None = None
-    sensor_sd_K: float = 1.0  # Offset of a sensor [K].
-    sensor_lag_s: float = 0.0  # Time constant of a sensor [s]; 0 for none.
-    sink_sd_K: float = 1.0  # Of the sink [K].
-    moment_sd_s: float = 0.5  # Of the moment of switch-off [s].
-    # Time constant of the speed's run-down [s]; 0 where the rotor is stopped at once or does not
-    # matter, None where it is not known.
+    sensor_sd_K: float = 1.0
+    sensor_lag_s: float = 0.0
+    sink_sd_K: float = 1.0
+    moment_sd_s: float = 0.5
     run_down_s: float | None = None
-    losses_after: float = 0.0  # Share of the losses that stay after switch-off [1].
-    losses_after_sd: float = 0.0  # Its standard deviation [1].
-    current_after: float = 0.0  # Share of the current that flows on after switch-off [1].
-    # Rated output [kW], which sets the delay that the standard allows.
+    losses_after: float = 0.0
+    losses_after_sd: float = 0.0
+    current_after: float = 0.0
     rated_output_kW: float | None = None
-    # Class whose rise is permitted, where it is another than the insulation's.
     utilisation_class: str | None = None
 
 
@@ -216,22 +210,17 @@ class Motor:
     """The machine under test and how its bench measures it."""
 
     name: str  # As it stands on the sheet.
-    phases: int = 3  # Number of phases [1].
+    phases: int = 3
     # `"balance"`: the channel `losses_W` is the measured total Pd, electrical in minus mechanical
     # out. `"map"`: it is the other losses Pol alone, from a map or a model.
     losses: Literal["balance", "map"] = "balance"
     # Which channel is the temperature T0 that the stator loses its heat to.
     sink: Literal["ambient", "coolant"] = "ambient"
-    insulation_class: str | None = None  # IEC 60085 class letter, or None.
+    insulation_class: str | None = None
     equilibrium: str = next(iter(EQUILIBRIA))  # Which of `EQUILIBRIA` its tests are judged by.
-    # Speed that effects are scaled with [rpm], or None for the largest seen.
     rated_speed_rpm: float | None = None
-    # Rms current that effects are scaled with, or None for the largest seen; and that the steady
-    # rise is stated at, or None for that of the loaded part of the tests [A].
     rated_current_A: float | None = None
-    # Mass of the machine without gear and carriage [kg], or None if not known.
     mass_kg: float | None = None
-    # Mass of the bare conductor of the winding [kg], or None.
     conductor_mass_kg: float | None = None
     resistance_coefficient_degC: float = 234.5  # B of R(T) = R (B + T)/(B + Tref) [degC].
     # Rs0 at the reference temperature [ohm], or None if not known.
@@ -241,8 +230,8 @@ class Motor:
     # temperature [ohm], or None.
     measured_resistance_ohm: float | None = None
     lead_resistance_ohm: float = 0.0  # Of the leads in it [ohm].
-    gear_ratio: float | None = None  # Motor speed over wheel speed [1], or None.
-    wheel_radius_m: float | None = None  # Rolling radius [m], or None.
+    gear_ratio: float | None = None
+    wheel_radius_m: float | None = None
     # Canonical channel to `"column in the file [unit]"`, or to several of which the first counts
     # whose column a file has.
     columns: Columns = field(default_factory=dict)
@@ -264,7 +253,6 @@ class Motor:
     shutdown: ShutDown = field(default_factory=ShutDown)
     # What a certificate of its tests says beside the results.
     certificate: Certificate = field(default_factory=Certificate)
-    # Step that MDF and TDMS channels are averaged to [s], or None for the samples of the winding.
     raster_s: float | None = None
     # Decimal sign of the bench's text tables, `"."` or `","`; the other one then separates
     # thousands. None finds it out of each file, and asks where it cannot.
