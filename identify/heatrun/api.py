@@ -1,7 +1,5 @@
 """The Python interface: what `import heatrun` gives, as short as a notebook wants it."""
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 import weakref

@@ -1,7 +1,5 @@
 """The main job: from bench files to a run folder with parameters, bands and a verdict."""
 
-from __future__ import annotations
-
 import math
 import platform
 import time

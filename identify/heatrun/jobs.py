@@ -3,8 +3,6 @@
 A discovery is a calibration with the story of the missing effects.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable, Sequence

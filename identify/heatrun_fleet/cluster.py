@@ -5,8 +5,6 @@ dies is replaced and its batch given to another. A batch on which workers die ag
 taken apart at the end, machine by machine, one at a time, so that the death tells which it was.
 """
 
-from __future__ import annotations
-
 import logging
 import os
 import time

@@ -4,8 +4,6 @@ The table is CSV with any of three delimiters, or Parquet. A row that cannot be 
 others: its machine is kept, with the finding that says why, and is refused when its turn comes.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 from collections import Counter

@@ -5,8 +5,6 @@ on from them, and a fleet with further machines works out what is new. In the en
 joined in the order of the fleet file, and the three files take their places together.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import platform

@@ -4,8 +4,6 @@ A machine goes from its files to a problem that can be fitted, or to the finding
 `fit_machines` is the one place that chooses how machines are fitted.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

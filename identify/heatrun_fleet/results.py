@@ -5,8 +5,6 @@ The first is the population of a type, the second the effects that the machines 
 `heatrun.results.schema`.
 """
 
-from __future__ import annotations
-
 import sys
 from dataclasses import dataclass
 from typing import Literal

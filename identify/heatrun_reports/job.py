@@ -1,7 +1,5 @@
 """Reports of one test or of many: which tests are meant, written as PDF, CSV and JSON."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -3,8 +3,6 @@
 Each has a role and a record, and one network is held against each.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations

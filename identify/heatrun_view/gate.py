@@ -6,8 +6,6 @@ an Origin or a Sec-Fetch-Site that is not ours. Every request is judged here bef
 it; what the page makes itself, or a user by typing its address, is let in.
 """
 
-from __future__ import annotations
-
 import hmac
 import ipaddress
 import os

@@ -1,7 +1,5 @@
 """The chosen tests read and checked, for a thread beside the page."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace

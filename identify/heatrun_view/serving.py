@@ -1,7 +1,5 @@
 """The server of the live view: its address, bound once, its folder, its jobs, and its end."""
 
-from __future__ import annotations
-
 import ipaddress
 import socket
 import tempfile

@@ -1,7 +1,5 @@
 """The columns of files that may be a channel, in the order in which they are offered."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 

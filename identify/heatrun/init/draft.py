@@ -5,8 +5,6 @@ read from the files is set: a line holds once a person has removed the # in fron
 `is_accepted`, at once, marked to be checked. All keys are explained on the page of the motor file.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace

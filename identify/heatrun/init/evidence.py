@@ -6,8 +6,6 @@ falls is a winding or a body beside it. What is over a current a resistance that
 copper does is the voltage of a winding.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -3,8 +3,6 @@
 The resistance of a phase and its temperature may stand in the head or among the scalars of a file.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field

@@ -6,8 +6,6 @@ few kelvin of each other while they warm by much more, and currents of a balance
 tenth of their value, as the powers of three wattmeters beside them.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence

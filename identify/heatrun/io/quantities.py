@@ -1,7 +1,5 @@
 """Quantities as they are printed for people, and texts from files made harmless for print."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 

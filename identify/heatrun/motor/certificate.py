@@ -1,7 +1,5 @@
 """Reading `[certificate]`: every key is known, every value checked."""
 
-from __future__ import annotations
-
 import datetime
 import re
 from collections.abc import Mapping

@@ -6,8 +6,6 @@ numbers out with which nothing can be computed, such as 1e300, and a unit that i
 `[tests.NAME]` stands before them, `[population]` behind.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

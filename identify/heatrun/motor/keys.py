@@ -4,8 +4,6 @@
 writes the page again; a test compares the two.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

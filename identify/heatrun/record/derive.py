@@ -1,7 +1,5 @@
 """Channels that follow from measured or stated ones: losses from powers, current from d and q."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass

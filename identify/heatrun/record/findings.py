@@ -11,8 +11,6 @@ numbers that nobody has seen before. That it failed is a finding on its part, sa
 would stand (`Attempts`), and everything else is written.
 """
 
-from __future__ import annotations
-
 import sys
 import traceback
 from collections.abc import Callable, Iterable

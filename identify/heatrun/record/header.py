@@ -25,8 +25,6 @@ Blanks that do not break, full-width signs and dashes of all lengths count as th
 and memory grow with the length of the cell alone, and a cell is at most `LONGEST_NAME` long.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """A bench test in memory: canonical channels on one time axis, and what was found about it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal

@@ -5,8 +5,6 @@ as in `drive.csv@10min..90min`. Times are those of the record, counted from its 
 stretch keeps them, so that a finding and a figure name the same moment with and without the cut.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

@@ -4,8 +4,6 @@ Columns of one name are told apart as `NAME #1`, `NAME #2` and so on. Logs of ra
 LIN, FlexRay) hold bytes, of which a DBC makes signals; they are refused.
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections import Counter

@@ -9,8 +9,6 @@ it and would answer for what has none, where a question is wanted; it would add 
 reading, to multiply by some forty factors.
 """
 
-from __future__ import annotations
-
 import difflib
 import math
 import re

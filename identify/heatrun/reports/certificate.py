@@ -1,7 +1,5 @@
 """Page 1 of the sheet, what a customer reads: as plain text in rows."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 Its figures are drawn from the result: before and after, and where.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import cycle
 from pathlib import Path

@@ -1,7 +1,5 @@
 """From a run to its parameter sheet and figures."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, replace
 from functools import cache

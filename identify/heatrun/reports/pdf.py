@@ -3,8 +3,6 @@
 Letters that no font here can draw stand on paper as their numbers, not as empty boxes.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 import tempfile

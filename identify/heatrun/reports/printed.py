@@ -1,7 +1,5 @@
 """How uncertain numbers are printed, value ± U or an interval, and the days of the tests."""
 
-from __future__ import annotations
-
 import datetime
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The types of `discovery.json`: effects and their fate, errors before and after, and the whole."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, Literal
 

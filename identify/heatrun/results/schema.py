@@ -3,8 +3,6 @@
 `python -m heatrun.results.schema fit-1.json` prints one, without a name their names.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import inspect
 import json

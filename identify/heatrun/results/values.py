@@ -17,8 +17,6 @@ tell nothing of it, as of most instruments.
 Reference: JCGM 100:2008 (GUM), 4.3 and 5.1.2.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

@@ -8,8 +8,6 @@ highest nothing tells them, and they must be given. They are held at every curre
 that was run at a speed that errs to the safe side, above it the current is extrapolated.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 

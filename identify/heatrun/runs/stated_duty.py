@@ -4,8 +4,6 @@ Where their current is stated, the time to the limit or the number of starts is 
 current.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass

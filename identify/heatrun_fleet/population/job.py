@@ -3,8 +3,6 @@
 Its folder holds what data sheets, queries and the next machine need.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

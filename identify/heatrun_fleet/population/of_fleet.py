@@ -1,7 +1,5 @@
 """The machines of a type, from the rows that `heatrun fleet` wrote or from runs of calibrations."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence

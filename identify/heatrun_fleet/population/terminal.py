@@ -1,7 +1,5 @@
 """The population of a type as text for the terminal: what `heatrun population` prints."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 from heatrun.io.quantities import clean, printed_unit, rounded

@@ -1,7 +1,5 @@
 """The General Information table: energy, distance, consumption, recuperation, tolerances."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -4,8 +4,6 @@ Tolerances come first, then each signal (bias, spread, correlation, verdict) and
 time in common (energy, distance, consumption).
 """
 
-from __future__ import annotations
-
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal

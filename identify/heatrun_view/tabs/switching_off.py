@@ -1,7 +1,5 @@
 """The tab on which readings after switch-off are typed, and the winding's temperature follows."""
 
-from __future__ import annotations
-
 import re
 import tempfile
 from collections.abc import Callable
