@@ -17,8 +17,6 @@ mass: what comes out lies between its winding's time constant and its slow one. 
 see whether a clock or a power is wrong by a factor of 60 or 1000, and for nothing else.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ powers that they follow from. Where one of them is an amplitude read as rms, or 
 in W, the other one tells.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ few hertz), so that current, losses and phase resistance must agree, and the los
 current must rise with the temperature as the winding's resistance does.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

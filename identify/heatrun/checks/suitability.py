@@ -4,8 +4,6 @@ Behind it stands what is said of tests that are predicted only, of `[tests.NAME]
 were not given, and of records that were simulated.
 """
 
-from __future__ import annotations
-
 import difflib
 import re
 from collections.abc import Iterable, Iterator, Sequence

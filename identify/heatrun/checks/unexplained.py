@@ -11,8 +11,6 @@ that fails early would teach the regression that heat does nothing: so the short
 the record that shows something decides.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

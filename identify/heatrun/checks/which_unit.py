@@ -9,8 +9,6 @@ tenths, by a warning where it is as likely as not that something is wrong. What 
 itself decides is told one step milder: that question is answered. Nothing is ever applied.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

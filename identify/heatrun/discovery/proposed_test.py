@@ -1,7 +1,5 @@
 """The bench test that would tell tied effects apart, in minutes, A and rpm, and how clearly."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """What a search for effects has found: the network that the tests ask for, and its rivals."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -7,8 +7,6 @@ Reference: Functional Mock-up Interface Specification 3.0; System Structure and 
     1.0 (Modelica Association).
 """
 
-from __future__ import annotations
-
 import hashlib
 import re
 import subprocess

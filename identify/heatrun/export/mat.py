@@ -4,8 +4,6 @@ The file is the thesis' own or that of any network with effects; nothing in its 
 cannot be made again.
 """
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Callable, Iterable, Mapping

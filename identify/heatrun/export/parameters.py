@@ -1,7 +1,5 @@
 """The parameters of the C of a run as other programs see them: names, units, 95 % intervals."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """A run as a map of ratings against speed: JSON, CSV, lines and figure."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Mapping, Sequence
 from itertools import cycle

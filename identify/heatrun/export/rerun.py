@@ -7,8 +7,6 @@ Reference: G. Agostino, Powertrain Retrofit kit testing and thermal modeling, Po
     Torino, 2023, section 4.4.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace

@@ -9,8 +9,6 @@ misses more than the noise of the run's block means tells: so much more is given
 no fault there.
 """
 
-from __future__ import annotations
-
 import io
 import shutil
 import subprocess

@@ -7,8 +7,6 @@ of its logarithm, the restricted likelihood says how large s is; where it is abo
 changes become parameters.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace

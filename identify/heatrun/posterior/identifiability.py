@@ -3,8 +3,6 @@
 Behind it stands what the reduction of a record to steps costs, in kelvin of the simulated winding.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal

@@ -7,8 +7,6 @@ result. The drive is then averaged over the time that each temperature sample st
 power is conserved; temperatures are never interpolated, since they are what a fit is scored on.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ Their look counts where it leaves one reading. Formats that headers state: hh:mm
 mm:ss.fff, dd/mm/yyyy hh:mm:ss.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from functools import partial

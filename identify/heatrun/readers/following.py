@@ -6,8 +6,6 @@ behind them are what reading the whole file would give. Where not, the whole fil
 seldom that it takes a small share of the time.
 """
 
-from __future__ import annotations
-
 import io
 import time
 from collections.abc import Mapping

@@ -7,8 +7,6 @@ marked as good counts as missing, whatever the format, as do those that a measur
 invalidates.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

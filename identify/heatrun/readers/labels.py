@@ -12,8 +12,6 @@ A unit without a mark is found in the parts of a label between blanks, "_", "-",
 - At the end also what is a unit of another quantity and can be nothing else: an error.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ word that is not known is split into known ones that make up the whole of it, as
 `MEANINGS` says what each word means, `SPOKEN` which meanings make which channel.
 """
 
-from __future__ import annotations
-
 import re
 import unicodedata
 from collections.abc import Iterator, Sequence, Set

@@ -5,8 +5,6 @@ holds one signal, as Simulink ("structure with time": `signals(k).values`, `.lab
 (`Y(k).Data`, `.Name`, `.Unit`) write them, gives the signal its name and its unit.
 """
 
-from __future__ import annotations
-
 import io
 import math
 from collections import Counter

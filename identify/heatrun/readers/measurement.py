@@ -3,8 +3,6 @@
 What is needed follows from the names alone, so it is decided before a value is read.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace

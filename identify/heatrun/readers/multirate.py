@@ -5,8 +5,6 @@ voltages and currents, are formed at their full rate and averaged afterwards. Th
 is not the product of the means.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

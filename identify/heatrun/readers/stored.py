@@ -5,8 +5,6 @@ netCDF (NUG, appendix A, "Attribute conventions") and CF 1.11, sections 3.1, 4.4
 The reader of Parquet tables is here whole; it needs the extra `heatrun[parquet]`.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import re

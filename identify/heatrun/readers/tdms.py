@@ -7,8 +7,6 @@ library builds or reads what is in them.
 Layout of the lead-in: National Instruments, "TDMS File Format Internal Structure".
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import re

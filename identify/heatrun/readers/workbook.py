@@ -5,8 +5,6 @@ sign, as `225e-1`: it then counts under either sign, and what the text reader fi
 decimal signs rests on the cells of text alone.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import re

@@ -1,7 +1,5 @@
 """Readings after switch-off: times counted from it, ohms or degrees, and what is wrong there."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -4,8 +4,6 @@ The numbers decide: that delimiter and decimal sign are taken under which most c
 numbers. Lines above the header are kept as preamble. The rows of names and of units come first.
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections import defaultdict

@@ -4,8 +4,6 @@ Lines are counted on the bytes: a million of them take a fraction of a second th
 table parser would fill up short lines without a word.
 """
 
-from __future__ import annotations
-
 import codecs
 import itertools
 import re

@@ -4,8 +4,6 @@ Lines that hold no sample count where time is counted by lines. `Hints` is what 
 motor file says about reading a file.
 """
 
-from __future__ import annotations
-
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
