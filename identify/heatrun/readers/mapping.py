@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..errors import InputError
+from ..io.quantities import aligned
 from ..record.by_resistance import by_resistance
 from ..record.channels import CHANNEL, Channel, combine, known_by, sensors_differ
 from ..record.derive import constants_of, formulas
@@ -492,11 +493,7 @@ def mapping_text(tests: Sequence[ReadColumns | DescribedTest]) -> str:
     """Return aligned tables of columns and channels; tests that were read alike share one."""
     blocks = []
     for names, rows in grouped(tests):
-        widths = [max(len(line[i]) for line in (HEAD, *rows)) for i in range(len(HEAD) - 1)]
-        lines = [f"Columns of {names}"]
-        for line in (HEAD, *rows):
-            cells = [cell.ljust(width) for cell, width in zip(line, (*widths, 0), strict=True)]
-            lines.append("  " + "  ".join(cells).rstrip())
+        lines = [f"Columns of {names}", *aligned((HEAD, *rows), "  ")]
         assumed = [row[0] for row in rows if row[3] == KNOWN_BY["assumed"]]
         if assumed:
             lines.append(f"  {assumption(assumed)}")

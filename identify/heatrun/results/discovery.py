@@ -143,16 +143,9 @@ class Gap:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HeldOutGap:
+class HeldOutGap(Gap):
     """Errors over the held-out tests, and whether these decided about an effect."""
 
-    noise_floor_K: NonNegative  # As `Gap`.
-    rmse_before_K: NonNegative  # As `Gap`.
-    max_before_K: NonNegative  # As `Gap`.
-    coverage_95_before: Probability  # As `Gap`.
-    rmse_after_K: NonNegative  # As `Gap`.
-    max_after_K: NonNegative  # As `Gap`.
-    coverage_95_after: Probability  # As `Gap`.
     # Whether an effect was judged by its error on held-out tests: never.
     took_part_in_selection: bool
     sentence: str  # What this means.

@@ -86,7 +86,8 @@ def _types_within(kind: Any) -> dict[str, Any]:
 
 def _tidy(definition: dict[str, Any], kind: type) -> dict[str, Any]:
     """Return the schema of a type with what its source says of each field beside the field."""
-    said = FIELD.findall(inspect.getsource(kind))
+    lineage = filter(dataclasses.is_dataclass, kind.__mro__)
+    said = FIELD.findall("".join(map(inspect.getsource, lineage)))
     words = {name: " ".join([*above.replace("# ", "").split(), behind]).strip()
              for above, name, behind in said}  # fmt: skip
     properties = {
