@@ -130,9 +130,10 @@ def _left_out(
     return jax.vmap(one)(vectors)
 
 
-NUM_COLUMNS = 16
-"""Columns that stand for the heat of one test [1]. For the reference motor they hold 99.9 % of its
-variance in a test of 90 minutes, 99 % in one of four hours, 95 % in one of eight."""
+FEWEST_COLUMNS, MOST_COLUMNS = 8, 16
+"""Columns that stand for the heat of one test: half as many as it has knots within these, in steps
+of four, for programs hold for one number of them [1]. For the reference motor they hold 99 % of its
+variance in tests of 90 minutes (12) and of four hours (16), 95 % in one of eight."""
 
 SPACING_S = 240.0
 """Time between the knots of the heat, which runs straight between them [s]."""
@@ -165,8 +166,9 @@ def heat_columns(
     read = [model.form.measured_node, *map(model.form.sensed, test.fitted)]
     responses = block_responses(network, read, hats @ factor, test.block_s)
     joined = size * np.concatenate(list(responses.values()), axis=1)
-    columns = strongest(joined, NUM_COLUMNS)
-    return np.pad(columns, ((0, 0), (0, NUM_COLUMNS - columns.shape[1])))
+    wanted = int(num_columns(np.asarray(num)))
+    columns = strongest(joined, wanted)
+    return np.pad(columns, ((0, 0), (0, wanted - columns.shape[1])))
 
 
 def num_knots(duration_s: float) -> int:
@@ -174,9 +176,16 @@ def num_knots(duration_s: float) -> int:
     return max(3, round(duration_s / SPACING_S) + 1)
 
 
+def num_columns(knots: Any) -> Any:
+    """Return the number of columns of heat for the knots of tests; arrays of NumPy or JAX."""
+    return (4 * -(-knots // 8)).clip(FEWEST_COLUMNS, MOST_COLUMNS)
+
+
 def no_heat(problem: Problem) -> tuple[Float[np.ndarray, "block column"], ...]:
     """Return columns of no heat, as wide as those of heat: one compilation serves both."""
-    return tuple(np.zeros((test.measured.size, NUM_COLUMNS)) for test in problem.tests)
+    knots = np.array([num_knots(test.duration_s) for test in problem.tests])
+    pairs = zip(problem.tests, num_columns(knots), strict=True)
+    return tuple(np.zeros((test.measured.size, width)) for test, width in pairs)
 
 
 def with_heat(problem: Problem, z: np.ndarray) -> Problem:

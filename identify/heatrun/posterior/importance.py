@@ -35,8 +35,13 @@ NUM_ADAPTATIONS = 5
 that is sound gains little (`duty_90min`: effective sizes of 11, 14, 11, 13 % of the draws)."""
 
 
-def importance_sample(fit: Fit, *, seed: int = 0) -> Weighted:
+def importance_sample(fit: Fit, *, seed: int = 0, linear: Weighted | None = None) -> Weighted:
     """Draw from a posterior by following the model, and weigh by the density.
+
+    Args:
+        fit: The fit.
+        seed: Random seed.
+        linear: Draws of the linear models, where they are at hand: for where following fails.
 
     Reference: A. Vehtari, D. Simpson, A. Gelman, Y. Yao, J. Gabry, Pareto Smoothed Importance
         Sampling, Journal of Machine Learning Research 25 (2024) 72.
@@ -44,7 +49,7 @@ def importance_sample(fit: Fit, *, seed: int = 0) -> Weighted:
     followed = _followed(fit, np.random.default_rng(seed))
     if followed is not None and followed.is_sound:
         return followed
-    linear = linear_sample(fit, seed=seed)
+    linear = linear or linear_sample(fit, seed=seed)
     return linear if followed is None or linear.is_sound else followed
 
 
@@ -60,21 +65,23 @@ def starting_sample(fit: Fit, *, seed: int = 0) -> Weighted:
 def linear_sample(fit: Fit, *, num_draws: int = 4096, seed: int = 0) -> Weighted:
     """Draw from the linear models around the optima and weigh by the posterior.
 
-    Where no draw is possible, as where all lead to a network too stiff for the steps, the optimum
+    The proposal is moved to the draws of a round as long as that makes them better. Where no draw
+    is possible, as where all lead to a network too stiff for the steps, the optimum
     stands for them: equal draws are never sound, and walkers can start from them.
     """
     rng = np.random.default_rng(seed)
     proposal = Proposal.around(fit, rng)
-    best = None
-    for _ in range(1 + NUM_ADAPTATIONS):
+    drawn = proposal.draw(num_draws, rng)
+    best = _weigh(fit, proposal, drawn)
+    for _ in range(NUM_ADAPTATIONS):
+        if best.is_sound or not np.any(best.weights):
+            break
+        proposal = proposal.adapted(drawn, truncated(best.weights), rng)
         drawn = proposal.draw(num_draws, rng)
         weighted = _weigh(fit, proposal, drawn)
-        if best is None or weighted.effective_size > best.effective_size:
-            best = weighted
-        if best.is_sound or not np.any(weighted.weights):
+        if weighted.effective_size <= best.effective_size:
             break
-        proposal = proposal.adapted(drawn, truncated(weighted.weights), rng)
-    assert best is not None
+        best = weighted
     if not np.any(best.weights):
         at = np.tile(fit.vector, (num_draws, 1))
         best = Weighted.of(at, evaluate(fit, at), np.zeros(num_draws), proposal)

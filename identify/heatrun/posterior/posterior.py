@@ -17,12 +17,13 @@ from ..model.draws import Draws, PlausibleEffects, of_network
 from ..model.kernels import at_once
 from .convergence import FULL, QUICK, Convergence, is_one_law, judge
 from .importance import importance_sample, starting_sample
+from .proposal import Proposal
 from .weighted import LEAST_EFFECTIVE, PARETO_LIMIT, Weighted, spread
 
 NUM_ENSEMBLES = 2
 """Ensembles that run apart, so that they can be held against each other."""
 
-CHUNK = 250
+CHUNK = 125
 """Steps between two checkpoints, and between two looks at the convergence at first."""
 
 LOOK_AGAIN = 0.1
@@ -43,8 +44,12 @@ FORGOTTEN_ONCE, FORGOTTEN = 1.3, 3.0
 below which the time is told too short: the steps that are left are not known from it [1]."""
 
 LONG = 3000
-"""Steps of an ensemble from which on importance samples stand in for it, where they are reliable
-and agree with it: three tests of several loggers take 4000 and more, one test 1000 to 2500."""
+"""Steps of an ensemble from which on importance samples are made to stand in for it, where they are
+reliable and agree with it: three tests of several loggers take 4000 and more, one test 250 to
+2500."""
+
+COMPARED = 4
+"""Chunks after which importance samples may stand in: the walkers began at them."""
 
 NUM_KEPT = 2000
 """Draws kept: the ensembles and the importance samples that are enough hold less than these."""
@@ -184,8 +189,8 @@ def sample(
     Args:
         fit: The fit.
         method: `"emcee"`: MCMC, or importance sampling if it is sound and agrees with an MCMC that
-            would take over `LONG` steps; `"quick"`: importance sampling if it is sound, else MCMC
-            of half the effective sample size.
+            would take over `LONG` steps or began at it; `"quick"`: importance sampling if it is
+            sound, else MCMC of half the effective sample size.
         seed: Random seed.
         folder: Where checkpoints are written and taken up again; None for none.
         progress: Called with a sentence and the share done; with a share of 0 where MCMC takes the
@@ -212,7 +217,8 @@ def sample(
         most_steps = min(most_steps, MOST_QUICK)
         if progress is not None:
             progress(f"{instead}the first steps", 0.0)
-    num_steps, followed = 0, weighted if is_quick else None
+    is_linear = isinstance(weighted.proposal, Proposal)
+    num_steps, followed = 0, None if is_linear and not is_quick else weighted
     while True:
         chunks = max(1, int(LOOK_AGAIN * num_steps / CHUNK))
         at_once(lambda ensemble, num=chunks: ensemble.advance(CHUNK, num), ensembles)
@@ -226,8 +232,8 @@ def sample(
         times = max(convergence.times_as_long, 1.0 + LOOK_AGAIN)
         steps = max(times * num_steps, 2 * CHUNK)
         steps = CHUNK * math.ceil(steps / CHUNK) if steps < most_steps else most_steps
-        if 2 * CHUNK <= num_steps <= LONG < steps:
-            followed = followed or importance_sample(fit, seed=seed)
+        if COMPARED * CHUNK <= num_steps <= LONG and (followed is not None or steps > LONG):
+            followed = followed or importance_sample(fit, seed=seed, linear=weighted)
             if followed.is_sound and is_one_law(chains, followed.vectors, followed.weights):
                 return replace(_of_weighted(fit, followed, seed), spared=steps)
         if progress is not None:

@@ -16,7 +16,7 @@ from lptn.inputs import SIGNALS
 from .blocks import Blocks, length_class, with_more
 
 FEWEST_MOMENTS = 4
-"""Columns of load steps at unknown moments that `Observation.padded` has at least."""
+"""Columns of load steps at unknown moments that `Observation.padded` has at least, if any."""
 
 
 class Observation(eqx.Module):
@@ -66,7 +66,9 @@ class Observation(eqx.Module):
             return with_more(np.asarray(rows), self.num_sensors, whole, value)
 
         moments = more(self.moments)
-        columns = max(FEWEST_MOMENTS, length_class(moments.shape[1], is_seldom=is_seldom))
+        columns = moments.shape[1]
+        if columns:
+            columns = max(FEWEST_MOMENTS, length_class(columns, is_seldom=is_seldom))
         return replace(
             self,
             inputs=replace(inputs, **held),

@@ -21,7 +21,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from heatrun.io.programs import compiled
-from heatrun.model.discrepancy import NUM_COLUMNS, SPACING_S
+from heatrun.model.discrepancy import MOST_COLUMNS, SPACING_S, num_columns
 from heatrun.model.noise import HEAT, Noise, SensorRows, filter_rows
 from heatrun.model.problem import Structure
 from heatrun.record.samples import BLOCK_S
@@ -287,8 +287,10 @@ def _of_group(
     joined = jnp.moveaxis(jnp.where(is_there[:, None], size * joined, 0.0), -1, 0)
     # the right singular vectors, strongest last
     _, turned = jnp.linalg.eigh(jnp.einsum("wbi,wbj->wij", joined, joined))
-    columns = jnp.einsum("wbi,wic->bcw", joined, turned[:, :, -NUM_COLUMNS:][:, :, ::-1])
-    missing = NUM_COLUMNS - columns.shape[1]
+    columns = jnp.einsum("wbi,wic->bcw", joined, turned[:, :, -MOST_COLUMNS:][:, :, ::-1])
+    own = num_columns(group.num_knots)
+    columns = jnp.where(jnp.arange(columns.shape[1])[:, None] < own, columns, 0.0)
+    missing = MOST_COLUMNS - columns.shape[1]
     return jnp.pad(columns, ((0, 0), (0, max(missing, 0)), (0, 0)))
 
 
