@@ -162,7 +162,6 @@ def run(words: Sequence[str], told: Path) -> int:
 
 
 def table(told: dict[str, Any]) -> str:
-    """Return a profile as text."""
     rows = sorted(told["phases"].items(), key=lambda row: -row[1]["cpu_s"])
     total = {key: sum(cost[key] for _, cost in rows) for key in asdict(Cost())}
     head = ("phase", "wall s", "processor s", "tracing s", "compiling s", "compiled", "from cache",

@@ -21,7 +21,6 @@ class Row:
 
     @property
     def missed(self) -> bool:
-        """Whether the target is missed."""
         return self.target is not None and self.value > self.target
 
 

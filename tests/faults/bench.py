@@ -119,7 +119,6 @@ class Bench:
         return {**os.environ, "TMPDIR": str(self.temporary), PROGRESS: "json"}
 
     def run(self, case: Case, strike: Strike | None = None, **limits: int) -> End:
-        """Run a case in a fork, where it is."""
         env = {"TMPDIR": str(self.temporary), PROGRESS: "json"}
         return run_forked(case.words, self.home, env, case.phases, strike, **limits)
 

@@ -117,7 +117,6 @@ def run_plain(
     command: Sequence[str], home: Path, env: Mapping[str, str], phases: Mapping[str, str],
     strike: Strike | None = None,
 ) -> End:  # fmt: skip
-    """Run a command line in a home and strike it at its moment."""
     with (home.parent / "stdout").open("wb") as out:
         process = subprocess.Popen(
             list(command), cwd=home, env=dict(env), stdin=subprocess.DEVNULL, stdout=out,
@@ -287,7 +286,6 @@ class _Follow:
         time.sleep(STOP_S)
 
     def end(self, code: int) -> End:
-        """Return how it ended."""
         stops = [*self.began.values(), time.monotonic()]
         spans = {p: b - a for p, a, b in zip(self.began, stops, stops[1:], strict=False)}
         said = self.said.decode(errors="replace")

@@ -81,7 +81,6 @@ def packed_mat(data: bytes) -> None:
 
 
 def motor(data: bytes) -> None:
-    """Read bytes as a motor file."""
     path = FOLDER / "motor.toml"
     path.write_bytes(data)
     with suppress(InputError):
@@ -111,7 +110,6 @@ def result(data: bytes) -> None:
 
 
 def manifest(data: bytes) -> None:
-    """Read bytes as the manifest of a run."""
     run = FOLDER / "listed"
     run.mkdir(exist_ok=True)
     (run / "fit.json").write_bytes(b"{}")

@@ -188,7 +188,6 @@ def answered(capsys, *words):
 
 
 def read_channels(record):
-    """Return channel to column."""
     return {one.channel: one.column for one in record.mapping if one.column}
 
 

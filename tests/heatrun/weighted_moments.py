@@ -17,7 +17,6 @@ class Moments(NamedTuple):
 
 
 def moments(weighted: Weighted) -> Moments:
-    """Return the moments of weighted draws."""
     mean = weighted.weights @ weighted.vectors
     shift = weighted.vectors - mean
     sd = np.sqrt(weighted.weights @ shift**2)

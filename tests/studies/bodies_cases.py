@@ -80,7 +80,6 @@ def jobs(first_seed: int, repeats: int) -> list[dict[str, Any]]:
 
 
 def make(kind: str, variant: str, seed: int) -> Case:
-    """Return the case of a seed."""
     return MAKERS[kind](variant, np.random.default_rng(seed))
 
 

@@ -80,7 +80,6 @@ class Outcome:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the exam."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("file", type=Path, nargs="?", default=Path("measures_v2.csv"))
     parser.add_argument(
@@ -259,7 +258,6 @@ def first_sentence(text: str) -> str:
 
 
 def table(outcomes: Sequence[Outcome]) -> str:
-    """Return the table in Markdown."""
     numbers = [score.profile for outcome in outcomes for score in outcome.scores]
     heads = [str(number) for number in dict.fromkeys(numbers)] or ["test"]
     lines = [

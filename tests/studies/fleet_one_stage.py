@@ -76,7 +76,6 @@ class Machines(NamedTuple):
 
 
 def main() -> None:
-    """Compare the two ways on one fleet."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--machines", type=int, default=50)
     parser.add_argument("--seed", type=int, default=SEED)

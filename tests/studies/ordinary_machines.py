@@ -156,7 +156,6 @@ class Machine:
 
 
 def drawn_machine(kind: str, rng: np.random.Generator) -> Machine:
-    """Return a machine of a kind."""
     usual = KINDS[kind]
 
     def within(limits: Range) -> float:

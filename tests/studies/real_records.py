@@ -175,7 +175,6 @@ def paderborn(path: Path) -> Iterator[Job]:
 
 
 def small_motor(folder: Path) -> Iterator[Job]:
-    """Yield the fits of the small motor's runs."""
     for run, files in SMALL.items():
         if not all((folder / name).exists() for name in files):
             continue
@@ -258,7 +257,6 @@ def line(row: Row) -> str:
 
 
 def table(rows: list[Row]) -> str:
-    """Return the table in Markdown."""
     lines = [
         "# Real records",
         "",
