@@ -20,8 +20,8 @@ class AcCopperLoss(HeatEffect):
     $$ P_{js} \to P_{js}\,(1 + k s^2 r^{-2}), \quad r = (B + T_w)/(B + T_{ref}) $$
 
     The eddies are driven by a voltage: their loss falls as the resistance rises, that of the
-    current rises. Under a measured balance the total is known: the winding gains what the other losses lose.
-    Under a map it comes on top.
+    current rises. Under a measured balance the total is known: the winding gains what the other
+    losses lose. Under a map it comes on top.
 
     Attributes:
         k: AC over DC loss less one, at rated speed and the temperature that the phase resistance
@@ -45,9 +45,7 @@ class AcCopperLoss(HeatEffect):
         separating_test="the same current at standstill (DC), at half and at full speed, 20 "
         "minutes each",
         parameters={
-            "k": Quantity(
-                "1", 0.0, 0.02, 3.0, 0.3, "AC over DC loss less one, cold at rated speed"
-            )
+            "k": Quantity("1", 0.0, 0.02, 3.0, 0.3, "AC over DC loss less one, cold at rated speed")
         },
     )
 
