@@ -433,14 +433,25 @@ def test_cooling_by_speed_is_a_smaller_resistance_at_the_tests_speed(draws):
 
 
 def test_an_ac_loss_comes_out_of_the_measured_total(draws):
-    """The copper takes k s^2 more, and under a balance the other losses give it."""
+    """The copper takes k s^2/r^2 more, and under a balance the other losses give it."""
     values = {"ac_copper_loss.k": np.full(NUM, 0.8)}
     made = posterior("second", motor(), draws | values, ("ac_copper_loss",))
     found = derive(made)
-    by_hand = ByHand.of("balance", draws, factor=1.0 + 0.8 * (SPEED / RATED_SPEED) ** 2)
-    check(found["steady_rise_K"], by_hand.steady_rise())
-    # per ampere the copper loss is that much larger too
-    check(found["continuous_current_A"], by_hand.continuous_A())
+
+    def copper(winding):
+        factor = 1.0 + 0.8 * (SPEED / RATED_SPEED * (B + TREF) / (B + winding)) ** 2
+        return factor * 3.0 * CURRENT**2 * RS0 * (B + winding) / (B + TREF)
+
+    channel = (1.0 + draws["power_gain"]) * POWER
+    other = channel - copper((58 * 90.0 + 150.0) / 59)
+    Rs, both = draws["Req_sr"], draws["Req_w"] + draws["Req_sr"]
+    rise = np.zeros(NUM)
+    for _ in range(200):
+        rise = both * copper(SINK + rise) + Rs * other
+    check(found["steady_rise_K"], rise)
+    per_square = copper(LIMIT) / CURRENT**2
+    check(found["continuous_current_A"],
+          np.sqrt((LIMIT - SINK - Rs * other) / (both * per_square)))  # fmt: skip
 
 
 def test_an_event_is_not_there_at_the_start(draws):

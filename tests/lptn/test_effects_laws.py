@@ -127,7 +127,7 @@ def test_recirculation_goes_with_all_losses(moment):
     ("kind", "values", "watts"),
     [
         (WindingResistance, {"g": 0.1}, 0.1 * COPPER_W),
-        (AcCopperLoss, {"k": 0.4}, 0.4 * COPPER_W * 0.5**2),
+        (AcCopperLoss, {"k": 0.4}, 0.4 * COPPER_W * (0.5 * 259.5 / 324.5) ** 2),
         (CopperCoefficient, {"dB": 10.0}, COPPER_W * (334.5 / 269.5 * 259.5 / 324.5 - 1.0)),
     ],
 )

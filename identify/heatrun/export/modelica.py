@@ -149,7 +149,7 @@ def _heats(
     hot, members = f"{plain[copper_node]}_degC", {member for member, _ in by_place}
     per_K = f"{phases:g}*{Rs0}*current_A^2/{B + T!r}"
     direct = f"{per_K}*({B!r} + {hot})" if Rs0 else "0"
-    terms = [f"{ac}*s^2" if ac else "", more_ohm]
+    terms = [f"{ac}*s^2*({B + T!r}/({B!r} + {hot}))^2" if ac else "", more_ohm]
     copper = "*".join(
         ["direct_W", *([f"(1 + {' + '.join(filter(None, terms))})"] if any(terms) else [])]
     )

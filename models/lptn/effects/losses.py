@@ -17,33 +17,40 @@ from .base import EffectCard, HeatEffect, Quantity, Temperatures, Terms, at_load
 class AcCopperLoss(HeatEffect):
     r"""Skin and proximity effects raise the copper loss with the square of the frequency.
 
-    $$ P_{js} \to P_{js}\,(1 + k s^2) $$
+    $$ P_{js} \to P_{js}\,(1 + k s^2 r^{-2}), \quad r = (B + T_w)/(B + T_{ref}) $$
 
-    Under a measured balance the total is known: the winding gains what the other losses lose.
-    Under a map it comes on top.
+    The eddies are driven by a voltage: their loss falls as the resistance rises, that of the
+    current rises. Under a measured balance the total is known: the winding gains what the other
+    losses lose. Under a map it comes on top.
 
     Valid for: conductors that are small against the skin depth.
+    Reference: R. Wrobel, D. E. Salt, A. Griffo, N. Simpson, P. H. Mellor, Derivation and scaling of
+        AC copper loss in thermal modeling of electrical machines, IEEE Transactions on Industrial
+        Electronics 61 (2014) 4412-4420.
     """
 
-    k: Float[Array, ""]
+    k: Float[Array, ""]  # At the temperature that the phase resistance holds for.
 
     card: ClassVar[EffectCard] = EffectCard(
         id="ac_copper_loss",
         family="copper split",
-        law="w += k Pjs s^2; under a balance sr -= the same, under a map it adds",
+        law="w += k Pjs s^2/r^2, r the rise of the resistance; under a balance sr -= the same, "
+        "under a map it adds",
         needs=("speed",),
         signature="a fast residual that goes with current squared and speed squared",
         separating_test="the same current at standstill (DC), at half and at full speed, 20 "
         "minutes each",
         parameters={
-            "k": Quantity("1", 0.0, 0.02, 3.0, 0.3, "AC over DC loss less one, at rated speed")
+            "k": Quantity("1", 0.0, 0.02, 3.0, 0.3, "AC over DC loss less one, cold at rated speed")
         },
     )
 
     def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
         """As `HeatEffect.apply`."""
         speed = require(drive.speed, "ac_copper_loss", "speed_rpm")
-        return terms.add_copper(self.k * terms.copper * speed**2)
+        losses, hot = terms.losses, temperature[terms.network.copper_node]
+        risen = (losses.coefficient + hot) / (losses.coefficient + losses.reference_temperature)
+        return terms.add_copper(self.k * terms.copper * (speed / risen) ** 2)
 
 
 class IronLossInWinding(HeatEffect):

@@ -80,7 +80,8 @@ $intervals/* What stays the same during a step. */
 typedef struct {
     const heatrun_parameters *parameters;
     heatrun_real copper_W_per_A2_K;
-    heatrun_real copper_gain; /* by the speed and by another resistance [1] */
+    heatrun_real copper_gain; /* by another resistance [1] */
+    heatrun_real eddies;      /* by the speed, at the temperature of the resistance [1] */
     heatrun_real stray_W_per_A2;
     heatrun_real square_A2; /* of the current */
     heatrun_real losses_W;
@@ -193,7 +194,7 @@ static void prepare(const heatrun_parameters *p, const heatrun_inputs *inputs, d
     at->stray_W_per_A2 = R(0.0);
     at->outside = R(0.0);
 #if HEATRUN_HAS_SPEED
-    at->copper_gain += p->ac_copper*rated*rated;
+    at->eddies = p->ac_copper*rated*rated;
     if (p->stray_W > R(0.0)) {
         at->stray_W_per_A2 =
             p->stray_W/(RATED_CURRENT_A*RATED_CURRENT_A)*power(rated, R(1.5));
@@ -201,6 +202,8 @@ static void prepare(const heatrun_parameters *p, const heatrun_inputs *inputs, d
     if (p->outside_share > R(0.0) && rated > R(0.0)) {
         at->outside = p->outside_share*power(rated, p->outside_exponent);
     }
+#else
+    at->eddies = R(0.0);
 #endif
     at->losses_W = inputs->losses_W;
     at->copper_in_losses = R(IS_BALANCE);
@@ -267,7 +270,9 @@ static heatrun_real copper(const drive *at, const heatrun_real T[NUM_NODES])
     const heatrun_real more_degC = at->parameters->coefficient_more_degC;
     const heatrun_real by_B = more_degC/(COEFFICIENT_DEGC + more_degC + REFERENCE_DEGC)
         *(REFERENCE_DEGC - T[COPPER]);
-    return direct(at, T)*(R(1.0) + at->copper_gain)
+    const heatrun_real risen =
+        (COEFFICIENT_DEGC + T[COPPER])/(COEFFICIENT_DEGC + REFERENCE_DEGC);
+    return direct(at, T)*(R(1.0) + at->copper_gain + at->eddies/(risen*risen))
         + at->square_A2*(at->copper_W_per_A2_K*by_B + R(IS_BALANCE)*at->stray_W_per_A2);
 }
 

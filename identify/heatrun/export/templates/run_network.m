@@ -221,7 +221,7 @@ for i = 1:num_samples - 1
             heat(copper) = heat(copper) - (q.f + 1e-12)*Pjs;
             heat(own(e)) = heat(own(e)) + (q.f + 1e-12)*Pjs;
           case 'ac_copper_loss'
-            in_copper = q.k*Pjs*s^2;
+            in_copper = q.k*Pjs*s^2*((p.B + p.Tref)/(p.B + T(copper)))^2;
           case 'iron_loss_in_winding'
             in_other = -q.k*(s > 0)*s^q.n*max(1 + q.m*(i2 - 1), 0);
             heat(copper) = heat(copper) - in_other;
