@@ -86,8 +86,7 @@ def _types_within(kind: Any) -> dict[str, Any]:
 
 def _tidy(definition: dict[str, Any], kind: type) -> dict[str, Any]:
     """Return the schema of a type with what its source says of each field beside the field."""
-    lineage = filter(dataclasses.is_dataclass, kind.__mro__)
-    said = FIELD.findall("".join(map(inspect.getsource, lineage)))
+    said = FIELD.findall("".join(map(inspect.getsource, kind.__mro__[:-1])))  # all but `object`
     words = {name: " ".join([*above.replace("# ", "").split(), behind]).strip()
              for above, name, behind in said}  # fmt: skip
     properties = {
