@@ -26,6 +26,7 @@ from heatrun.posterior.convergence import (
 from heatrun.posterior.ensemble import evolution, of_noise
 from heatrun.posterior.importance import linear_sample
 from heatrun.posterior.posterior import sample
+from heatrun.posterior.proposal import Proposal
 from heatrun.posterior.weighted import pareto_smoothed, spread
 from heatrun.record.reduction import reduce
 
@@ -182,6 +183,16 @@ def test_importance_samples_stand_in_for_a_long_mcmc_that_agrees(short, quick, m
     assert found.is_sound
     assert "MCMC agrees and would take" in found.sentence()
     np.testing.assert_array_equal(found.vectors, quick.vectors)
+
+
+def test_importance_samples_that_the_walkers_began_at_stand_in(short, quick, monkeypatch):
+    assert not isinstance(quick.weighted.proposal, Proposal)
+    monkeypatch.setattr(sampling, "FULL", FULL._replace(size=1e6))
+    monkeypatch.setattr(sampling, "LONG", 10**9)
+    monkeypatch.setattr(sampling, "starting_sample", lambda *_, **__: quick.weighted)
+    found = sample(short, seed=2, most_steps=600)
+    assert found.method == "importance"
+    assert found.weighted is quick.weighted
 
 
 def test_importance_samples_of_another_law_do_not_stand_in(short, quick, monkeypatch):
