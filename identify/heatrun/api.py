@@ -1,7 +1,5 @@
 """The Python interface: what `import heatrun` gives, as short as a notebook wants it."""
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 import weakref
@@ -32,13 +30,9 @@ Files = Sequence[str | Path] | str | Path
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a discovery found.
+    """What a discovery found."""
 
-    Attributes:
-        run: Its run: the model with the effects that were accepted.
-    """
-
-    run: Run
+    run: Run  # Its run: the model with the effects that were accepted.
 
     @property
     def result(self) -> DiscoveryResult:

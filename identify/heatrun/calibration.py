@@ -1,7 +1,5 @@
 """The main job: from bench files to a run folder with parameters, bands and a verdict."""
 
-from __future__ import annotations
-
 import math
 import platform
 import time
@@ -70,28 +68,18 @@ class BenchTest:
 
 @dataclass(frozen=True)
 class Calibration:
-    """Everything that a calibration found.
+    """Everything that a calibration found."""
 
-    Attributes:
-        motor: The machine.
-        tests: Records, calibration first.
-        posteriors: By name of the network.
-        predictions: Likewise, one per test.
-        result: What stands in `fit.json`.
-        sampling_s: What sampling took, of networks at once the longest [s].
-        asked: Which effects the tests ask for beside the last network; None where that could not
-            be searched.
-        screened: Which small ones it may lack, likewise.
-    """
-
-    motor: Motor
-    tests: tuple[BenchTest, ...]
-    posteriors: dict[str, Posterior]
-    predictions: dict[str, list[Prediction]]
-    result: FitResult
-    sampling_s: float = math.nan
+    motor: Motor  # The machine.
+    tests: tuple[BenchTest, ...]  # Records, calibration first.
+    posteriors: dict[str, Posterior]  # By name of the network.
+    predictions: dict[str, list[Prediction]]  # Likewise, one per test.
+    result: FitResult  # What stands in `fit.json`.
+    sampling_s: float = math.nan  # What sampling took, of networks at once the longest [s].
+    # Which effects the tests ask for beside the last network; None where that could not be
+    # searched.
     asked: Found | None = None
-    screened: SmallEffects | None = None
+    screened: SmallEffects | None = None  # Which small ones it may lack, likewise.
 
 
 def load_tests(
@@ -136,29 +124,20 @@ def _reduced(record: Record, motor: Motor, role: str) -> Blocks:
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """What is asked of a calibration or a discovery, beside the machine and its tests.
+    """What is asked of a calibration or a discovery, beside the machine and its tests."""
 
-    Attributes:
-        networks: What is calibrated, the simpler first: by name, TOML file or form.
-        effects: Known effects that each of them has.
-        kinds: Effects that the last of them may lack; None for the catalogue and installed ones,
-            as far as a calibration goes into them.
-        files: Python files that some of the effects came from.
-        method: Sampler, as `heatrun.posterior.posterior.sample`.
-        seed: Random seed.
-        duties: Ratings asked for, as `heatrun.runs.ratings_figures.derive`.
-        command: As it is to stand in the result.
-        is_plain: Whether the last network stays without the effects that the tests ask for.
-    """
-
+    # What is calibrated, the simpler first: by name, TOML file or form.
     networks: Sequence[str | NetworkForm]
-    effects: tuple[type[AbstractEffect], ...] = ()
+    effects: tuple[type[AbstractEffect], ...] = ()  # Known effects that each of them has.
+    # Effects that the last of them may lack; None for the catalogue and installed ones, as far as a
+    # calibration goes into them.
     kinds: Sequence[type[AbstractEffect]] | None = None
-    files: Sequence[Path] = ()
-    method: Method = "emcee"
-    seed: int = 0
-    duties: Sequence[str] = ()
-    command: str = ""
+    files: Sequence[Path] = ()  # Python files that some of the effects came from.
+    method: Method = "emcee"  # Sampler, as `heatrun.posterior.posterior.sample`.
+    seed: int = 0  # Random seed.
+    duties: Sequence[str] = ()  # Ratings asked for, as `heatrun.runs.ratings_figures.derive`.
+    command: str = ""  # As it is to stand in the result.
+    # Whether the last network stays without the effects that the tests ask for.
     is_plain: bool = False
 
     @property

@@ -1,7 +1,5 @@
 """The command line: parse, call one function, print."""
 
-from __future__ import annotations
-
 import argparse
 import io
 import os

@@ -1,7 +1,5 @@
 """The errors that reach a user: what was expected, what came, where, and what to do."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable
 

@@ -3,8 +3,6 @@
 A discovery is a calibration with the story of the missing effects.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable, Sequence
@@ -41,19 +39,14 @@ def silent(sentence: str) -> None:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a run goes.
+    """Where a run goes."""
 
-    Attributes:
-        path: The run folder; an unfinished run of the same inputs there is taken up, and a
-            finished one of the same replaced.
-        is_named: Whether the user wants the run there; else it gets a number where another run
-            stands.
-        is_replacing: Whether another run there is replaced.
-    """
-
+    # The run folder; an unfinished run of the same inputs there is taken up, and a finished one of
+    # the same replaced.
     path: Path
+    # Whether the user wants the run there; else it gets a number where another run stands.
     is_named: bool = True
-    is_replacing: bool = False
+    is_replacing: bool = False  # Whether another run there is replaced.
 
     def begin(self, same: dict[str, Any], say: Say, further: Sequence[str] = ()) -> RunFolder:
         """Return the folder of a run, begun or taken up.
@@ -134,17 +127,11 @@ def calibrate_into(
 
 @dataclass(frozen=True)
 class Job:
-    """A discovery with its result and its run folder.
+    """A discovery with its result and its run folder."""
 
-    Attributes:
-        calibration: The network with the effects.
-        result: What stands in `discovery.json`.
-        path: The run folder.
-    """
-
-    calibration: Calibration
-    result: DiscoveryResult
-    path: Path
+    calibration: Calibration  # The network with the effects.
+    result: DiscoveryResult  # What stands in `discovery.json`.
+    path: Path  # The run folder.
 
 
 def discover_into(

@@ -6,8 +6,6 @@ unknown option name aborts the process, so it is set only for versions of jaxlib
 to take it, and never over an XLA_FLAGS of the user's.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 from importlib.metadata import version

@@ -172,17 +172,11 @@ def exact_draws(model: Model, motor: Motor, values: Mapping[str, float], blocks:
 
 @dataclass(frozen=True)
 class ByHand:
-    """A model and a test, with the values that it starts from.
+    """A model and a test, with the values that it starts from."""
 
-    Attributes:
-        model: The network with its effects.
-        test: The reduced record.
-        values: All parameters by name, in their units.
-    """
-
-    model: Model
-    test: Blocks
-    values: Mapping[str, float]
+    model: Model  # The network with its effects.
+    test: Blocks  # The reduced record.
+    values: Mapping[str, float]  # All parameters by name, in their units.
 
     @classmethod
     def of(cls, record: Record, motor: Motor, run: Run | None = None) -> ByHand:
@@ -251,25 +245,16 @@ MAT_FILES = (b"MATLAB 5.0", b"\x89HDF\r\n")
 
 @dataclass(frozen=True)
 class Given:
-    """Parameters of a file, taken as exact.
+    """Parameters of a file, taken as exact."""
 
-    Attributes:
-        path: The file.
-        form: The network that they are for.
-        values: Parameters by name [their units].
-        motor: The machine, with what the file says of its winding.
-        starts: Start temperatures of the test that the file holds, by name [degC].
-        own_test: That test; None if the file holds none.
-        notes: Sentences on what the file says otherwise than the motor file.
-    """
-
-    path: Path
-    form: NetworkForm
-    values: Mapping[str, float]
-    motor: Motor
+    path: Path  # The file.
+    form: NetworkForm  # The network that they are for.
+    values: Mapping[str, float]  # Parameters by name [their units].
+    motor: Motor  # The machine, with what the file says of its winding.
+    # Start temperatures of the test that the file holds, by name [degC].
     starts: Mapping[str, float] = field(default_factory=dict)
-    own_test: Record | None = None
-    notes: tuple[str, ...] = ()
+    own_test: Record | None = None  # That test; None if the file holds none.
+    notes: tuple[str, ...] = ()  # Sentences on what the file says otherwise than the motor file.
 
     def values_for(self, record: Record) -> dict[str, float]:
         """Return the parameters for a test; only that of the file starts as the file says.

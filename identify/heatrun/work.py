@@ -36,19 +36,12 @@ TICK_S = 1.0
 
 @dataclass
 class _Part:
-    """A part of a job.
+    """A part of a job."""
 
-    Attributes:
-        usual_s: Time that it usually takes [s].
-        share: Share that is done, as it was told last [1].
-        begun_s: When it was begun [s]; NaN before.
-        told_s: When the share was told last [s].
-    """
-
-    usual_s: float
-    share: float = 0.0
-    begun_s: float = math.nan
-    told_s: float = math.nan
+    usual_s: float  # Time that it usually takes [s].
+    share: float = 0.0  # Share that is done, as it was told last [1].
+    begun_s: float = math.nan  # When it was begun [s]; NaN before.
+    told_s: float = math.nan  # When the share was told last [s].
 
     def tell(self, now_s: float, share: float) -> None:
         """Take a share; it never goes back."""

@@ -1,7 +1,5 @@
 """What `import heatrun` gives of fleets: `heatrun.calibrate_fleet`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from heatrun.model.network_form import NetworkForm

@@ -5,8 +5,6 @@ dies is replaced and its batch given to another. A batch on which workers die ag
 taken apart at the end, machine by machine, one at a time, so that the death tells which it was.
 """
 
-from __future__ import annotations
-
 import logging
 import os
 import time
@@ -47,20 +45,17 @@ OF_WORKERS = {"OPENBLAS_NUM_THREADS": "1"}
 
 @dataclass(frozen=True)
 class Workers:
-    """Which processes work.
+    """Which processes work."""
 
-    Attributes:
-        num: Processes of this machine, 0 for this one; None for as many as it has cores.
-        scheduler: Address of a scheduler that runs already; empty for processes of this machine.
-        memory: Memory that a worker of this machine may take, such as `"4GB"`; `"auto"` for its
-            share of the machine's.
-        tls: Files by `ca`, `cert` and `key`, for a scheduler that wants them; else Dask's own
-            configuration says.
-    """
-
+    # Processes of this machine, 0 for this one; None for as many as it has cores.
     num: int | None = None
+    # Address of a scheduler that runs already; empty for processes of this machine.
     scheduler: str = ""
+    # Memory that a worker of this machine may take, such as `"4GB"`; `"auto"` for its share of the
+    # machine's.
     memory: str = "auto"
+    # Files by `ca`, `cert` and `key`, for a scheduler that wants them; else Dask's own
+    # configuration says.
     tls: Mapping[str, str] | None = None
 
     @property

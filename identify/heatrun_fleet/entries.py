@@ -4,8 +4,6 @@ The table is CSV with any of three delimiters, or Parquet. A row that cannot be 
 others: its machine is kept, with the finding that says why, and is refused when its turn comes.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 from collections import Counter
@@ -43,24 +41,17 @@ class Row:
 
 @dataclass(frozen=True)
 class Entry:
-    """A machine of the fleet.
+    """A machine of the fleet."""
 
-    Attributes:
-        machine: Its name, unique in the fleet.
-        type: What it is one of; empty if nothing is said.
-        motor: Its motor file, relative to the fleet file; empty if none is named.
-        tests: Tests that are fitted, as the command line names them, relative to the fleet file.
-        holdout: Tests that are predicted only.
-        covariates: Further columns with their texts, in the order of the file.
-        findings: What its rows suffer from; one of severity `"error"` refuses the machine.
-    """
-
-    machine: str
-    type: str
-    motor: str
+    machine: str  # Its name, unique in the fleet.
+    type: str  # What it is one of; empty if nothing is said.
+    motor: str  # Its motor file, relative to the fleet file; empty if none is named.
+    # Tests that are fitted, as the command line names them, relative to the fleet file.
     tests: tuple[str, ...]
-    holdout: tuple[str, ...] = ()
+    holdout: tuple[str, ...] = ()  # Tests that are predicted only.
+    # Further columns with their texts, in the order of the file.
     covariates: tuple[tuple[str, str], ...] = ()
+    # What its rows suffer from; one of severity `"error"` refuses the machine.
     findings: tuple[Finding, ...] = ()
 
     @property

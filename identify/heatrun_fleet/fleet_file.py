@@ -51,23 +51,14 @@ ENDS = (".parquet", ".csv", ".tsv", ".txt")
 
 @dataclass(frozen=True)
 class Fleet:
-    """What a fleet file says.
+    """What a fleet file says."""
 
-    Attributes:
-        name: As it stands on results.
-        network: The network of all machines.
-        effects: Ids of known effects beyond those of the motor files.
-        entries: The machines, in the order of the file.
-        folder: What paths are relative to, absolute.
-        inputs: SHA-256 by name of the fleet file and of the manifest.
-    """
-
-    name: str
-    network: NetworkForm
-    effects: tuple[str, ...]
-    entries: tuple[Entry, ...]
-    folder: Path
-    inputs: Mapping[str, str]
+    name: str  # As it stands on results.
+    network: NetworkForm  # The network of all machines.
+    effects: tuple[str, ...]  # Ids of known effects beyond those of the motor files.
+    entries: tuple[Entry, ...]  # The machines, in the order of the file.
+    folder: Path  # What paths are relative to, absolute.
+    inputs: Mapping[str, str]  # SHA-256 by name of the fleet file and of the manifest.
 
 
 def load_fleet(path: str | Path, model: str | NetworkForm | None = None) -> Fleet:
@@ -217,31 +208,18 @@ Digests = Mapping[str, str]
 
 @dataclass(frozen=True)
 class Batch:
-    """Machines that are worked out together.
+    """Machines that are worked out together."""
 
-    Attributes:
-        entries: The machines.
-        digests: Of all their files.
-        folder: What their paths are relative to.
-        network: The network.
-        effects: Known effects beyond those of the motor files.
-        seed: Random seed.
-        numerics: What else the digits depend on, as `numerics`.
-        num_planned: Machines that it was planned with: how they are fitted depends on it.
-        discovers: Whether rows hold what the tests say of effects.
-        name: SHA-256 of all of it but the folder.
-    """
-
-    entries: tuple[Entry, ...]
-    digests: Digests
-    folder: str
-    network: NetworkForm
-    effects: tuple[str, ...]
-    seed: int
-    numerics: Mapping[str, Any]
-    num_planned: int
-    discovers: bool = False
-    name: str = ""
+    entries: tuple[Entry, ...]  # The machines.
+    digests: Digests  # Of all their files.
+    folder: str  # What their paths are relative to.
+    network: NetworkForm  # The network.
+    effects: tuple[str, ...]  # Known effects beyond those of the motor files.
+    seed: int  # Random seed.
+    numerics: Mapping[str, Any]  # What else the digits depend on, as `numerics`.
+    num_planned: int  # Machines that it was planned with: how they are fitted depends on it.
+    discovers: bool = False  # Whether rows hold what the tests say of effects.
+    name: str = ""  # SHA-256 of all of it but the folder.
 
     def of_one(self, entry: Entry) -> Batch:
         """Return the batch of one of its machines."""

@@ -5,8 +5,6 @@ on from them, and a fleet with further machines works out what is new. In the en
 joined in the order of the fleet file, and the three files take their places together.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import platform
@@ -59,15 +57,10 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class FleetResult:
-    """What a fleet's calibrations left.
+    """What a fleet's calibrations left."""
 
-    Attributes:
-        path: The folder.
-        manifest: What stands in its `manifest.json`.
-    """
-
-    path: Path
-    manifest: dict[str, Any]
+    path: Path  # The folder.
+    manifest: dict[str, Any]  # What stands in its `manifest.json`.
 
     @property
     def machines_path(self) -> Path:

@@ -4,8 +4,6 @@ A machine goes from its files to a problem that can be fitted, or to the finding
 `fit_machines` is the one place that chooses how machines are fitted.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -49,23 +47,15 @@ class ChangedInputError(InputError):
 
 @dataclass(frozen=True)
 class Prepared:
-    """A machine that can be fitted. Its records are no longer held: a batch has many machines.
+    """A machine that can be fitted. Its records are no longer held: a batch has many machines."""
 
-    Attributes:
-        entry: The machine.
-        problem: Model and tests.
-        duration_s: Length of the fitted records in all [s].
-        holdout: Records that are predicted only: name, and what they were reduced to.
-        findings: About its rows and records.
-        inputs: Its files, for the row.
-    """
-
-    entry: Entry
-    problem: Problem
-    duration_s: float
+    entry: Entry  # The machine.
+    problem: Problem  # Model and tests.
+    duration_s: float  # Length of the fitted records in all [s].
+    # Records that are predicted only: name, and what they were reduced to.
     holdout: tuple[tuple[str, Blocks], ...]
-    findings: tuple[Finding, ...]
-    inputs: tuple[Row, ...]
+    findings: tuple[Finding, ...]  # About its rows and records.
+    inputs: tuple[Row, ...]  # Its files, for the row.
 
 
 def prepare(entry: Entry, batch: Batch) -> Prepared | Row:
@@ -213,14 +203,10 @@ compiled program, which takes as long to compile as ten machines to fit."""
 
 
 class Fitted(NamedTuple):
-    """What came of the fits of a batch.
+    """What came of the fits of a batch."""
 
-    Attributes:
-        fits: The fit of each problem, or what it raised.
-        alone: Why a problem was fitted by itself, by its place; the others were fitted together.
-    """
-
-    fits: list[Fit | Exception]
+    fits: list[Fit | Exception]  # The fit of each problem, or what it raised.
+    # Why a problem was fitted by itself, by its place; the others were fitted together.
     alone: dict[int, str]
 
 
@@ -269,21 +255,13 @@ def _one(problem: Problem, found: Fit | NotBatched, seed: int) -> Fit | Exceptio
 
 @dataclass(frozen=True)
 class Done:
-    """A batch that was worked out.
+    """A batch that was worked out."""
 
-    Attributes:
-        name: Of the batch.
-        part: Its rows, as a Parquet file.
-        timing: What it took, by name: numbers of seconds.
-        lost: Machines that workers died on.
-        changed: Why the part must not be kept under the batch's name: a file was changed.
-    """
-
-    name: str
-    part: bytes
-    timing: dict[str, Any]
-    lost: tuple[str, ...] = ()
-    changed: str = ""
+    name: str  # Of the batch.
+    part: bytes  # Its rows, as a Parquet file.
+    timing: dict[str, Any]  # What it took, by name: numbers of seconds.
+    lost: tuple[str, ...] = ()  # Machines that workers died on.
+    changed: str = ""  # Why the part must not be kept under the batch's name: a file was changed.
 
 
 def work_out(batch: Batch) -> Done:

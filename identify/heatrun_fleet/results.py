@@ -5,8 +5,6 @@ The first is the population of a type, the second the effects that the machines 
 `heatrun.results.schema`.
 """
 
-from __future__ import annotations
-
 import sys
 from dataclasses import dataclass
 from typing import Literal
@@ -26,30 +24,20 @@ TOO_FAR = 20.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PopulationParameter:
-    """A parameter over the machines of a type.
+    """A parameter over the machines of a type."""
 
-    Attributes:
-        unit: Its unit.
-        transform: Whether the logarithm of the value or the value itself is normal over machines.
-        median: Median over the machines [unit].
-        spread: Standard deviation over the machines: of the logarithm, less 1 after taking the
-            exponential, for `"log"` [1]; of the value for `"linear"` [unit].
-        tolerance_95_95: Limits that hold 95 % of the machines at 95 % confidence [unit].
-        next_median: Median of the next machine before its first test [unit].
-        next_log_sd: Standard deviation of its logarithm [1]; null for `"linear"`.
-        next_sd: Standard deviation of its value [unit]; null for `"log"`.
-        next_interval_95: 95 % interval of the next machine [unit], which may be one that does not
-            belong to the type.
-    """
-
-    unit: str
+    unit: str  # Its unit.
+    # Whether the logarithm of the value or the value itself is normal over machines.
     transform: Literal["log", "linear"]
-    median: ValueWithInterval
+    median: ValueWithInterval  # Median over the machines [unit].
+    # Standard deviation over the machines: of the logarithm, less 1 after taking the exponential,
+    # for `"log"` [1]; of the value for `"linear"` [unit].
     spread: ValueWithInterval
-    tolerance_95_95: Interval
-    next_median: float
-    next_log_sd: NonNegative | None
-    next_sd: NonNegative | None
+    tolerance_95_95: Interval  # Limits that hold 95 % of the machines at 95 % confidence [unit].
+    next_median: float  # Median of the next machine before its first test [unit].
+    next_log_sd: NonNegative | None  # Standard deviation of its logarithm [1]; null for `"linear"`.
+    next_sd: NonNegative | None  # Standard deviation of its value [unit]; null for `"log"`.
+    # 95 % interval of the next machine [unit], which may be one that does not belong to the type.
     next_interval_95: Interval
 
     def tells(self, limits: Interval) -> bool:
@@ -60,97 +48,62 @@ class PopulationParameter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PopulationCovariate:
-    """A covariate of the machines: what its numbers are.
+    """A covariate of the machines: what its numbers are."""
 
-    Attributes:
-        column: Column of the fleet file.
-        kind: What its texts were taken for.
-        unit: What one unit is: `"1"` of the column's own, `"year"`, or the category.
-        reference: The category that it is held against; empty for numbers and dates.
-        first: Smallest number or date over the machines; empty for a category.
-        last: Largest number or date likewise.
-        over_range: What it does to each parameter from the first to the last, or in the category:
-            a share for a parameter that is normal by its logarithm, else in its unit.
-    """
-
-    column: str
-    kind: Literal["number", "date", "category"]
-    unit: str
-    reference: str
-    first: str
-    last: str
+    column: str  # Column of the fleet file.
+    kind: Literal["number", "date", "category"]  # What its texts were taken for.
+    unit: str  # What one unit is: `"1"` of the column's own, `"year"`, or the category.
+    reference: str  # The category that it is held against; empty for numbers and dates.
+    first: str  # Smallest number or date over the machines; empty for a category.
+    last: str  # Largest number or date likewise.
+    # What it does to each parameter from the first to the last, or in the category: a share for a
+    # parameter that is normal by its logarithm, else in its unit.
     over_range: dict[str, ValueWithInterval]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineParameter:
-    """A parameter of a machine before and after the others were taken into account.
+    """A parameter of a machine before and after the others were taken into account."""
 
-    Attributes:
-        value: Given all machines [unit].
-        interval_95: Likewise [unit].
-        alone_value: By its own calibration [unit].
-        alone_interval_95: Likewise [unit].
-        distance_sd: How far its tests put it from what is expected of it [standard deviations].
-    """
-
-    value: float
-    interval_95: Interval
-    alone_value: float
-    alone_interval_95: Interval
+    value: float  # Given all machines [unit].
+    interval_95: Interval  # Likewise [unit].
+    alone_value: float  # By its own calibration [unit].
+    alone_interval_95: Interval  # Likewise [unit].
+    # How far its tests put it from what is expected of it [standard deviations].
     distance_sd: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PopulationMachine:
-    """A machine of the type.
+    """A machine of the type."""
 
-    Attributes:
-        name: Its name.
-        outlier_probability: Probability that it does not belong to the type [1].
-        is_outlier: Whether that is above one half.
-        different: Parameters that are far from what is expected of it.
-        clipped: How far its posterior was wider than its prior in some direction, over the prior's
-            precision [1]; more than a trifle puts its row in doubt.
-        parameters: By name.
-    """
-
-    name: str
-    outlier_probability: Probability
-    is_outlier: bool
-    different: list[str]
+    name: str  # Its name.
+    outlier_probability: Probability  # Probability that it does not belong to the type [1].
+    is_outlier: bool  # Whether that is above one half.
+    different: list[str]  # Parameters that are far from what is expected of it.
+    # How far its posterior was wider than its prior in some direction, over the prior's precision
+    # [1]; more than a trifle puts its row in doubt.
     clipped: NonNegative
-    parameters: dict[str, MachineParameter]
+    parameters: dict[str, MachineParameter]  # By name.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineLeftOut:
-    """A machine that does not count.
+    """A machine that does not count."""
 
-    Attributes:
-        name: Its name.
-        reason: Why, in a sentence.
-    """
-
-    name: str
-    reason: str
+    name: str  # Its name.
+    reason: str  # Why, in a sentence.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Assumed:
-    """What was assumed of a parameter before the machines were seen.
+    """What was assumed of a parameter before the machines were seen."""
 
-    Attributes:
-        mean: Centre of the prior of the population's median [unit].
-        mean_sd: Standard deviation of the prior in the space of the transform.
-        spread: Median of the half-Cauchy prior of the spread, in the space of the transform.
-        effect_sd: Standard deviation of what a covariate does over its range, likewise.
-    """
-
-    mean: float
-    mean_sd: NonNegative
+    mean: float  # Centre of the prior of the population's median [unit].
+    mean_sd: NonNegative  # Standard deviation of the prior in the space of the transform.
+    # Median of the half-Cauchy prior of the spread, in the space of the transform.
     spread: NonNegative
-    effect_sd: NonNegative
+    effect_sd: NonNegative  # Standard deviation of what a covariate does over its range, likewise.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,74 +112,47 @@ class PopulationNoise:
 
     A machine with a loose sensor is no other motor: which machines do not fit is told apart here
     and for the thermal parameters.
-
-    Attributes:
-        num_machines: Machines that count.
-        is_converged: Whether the draws are to be relied on.
-        parameters: By name: noise and unmodelled heat.
-        correlation: Over the machines, of the logarithms, in the order of `parameters` [1].
-        outlier_share: Share of machines whose noise is not that of the type [1].
-        covariates: What each changes over its range, a share [1], by label and parameter.
-        machines: The machines that count.
-        assumed: Hyperprior by parameter.
     """
 
-    num_machines: Count
-    is_converged: bool
-    parameters: dict[str, PopulationParameter]
+    num_machines: Count  # Machines that count.
+    is_converged: bool  # Whether the draws are to be relied on.
+    parameters: dict[str, PopulationParameter]  # By name: noise and unmodelled heat.
+    # Over the machines, of the logarithms, in the order of `parameters` [1].
     correlation: list[list[float]]
-    outlier_share: ValueWithInterval
+    outlier_share: ValueWithInterval  # Share of machines whose noise is not that of the type [1].
+    # What each changes over its range, a share [1], by label and parameter.
     covariates: dict[str, dict[str, ValueWithInterval]]
-    machines: list[PopulationMachine]
-    assumed: dict[str, Assumed]
+    machines: list[PopulationMachine]  # The machines that count.
+    assumed: dict[str, Assumed]  # Hyperprior by parameter.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PopulationResult:
-    """What the machines of a type have in common, how they differ, and which do not fit.
+    """What the machines of a type have in common, how they differ, and which do not fit."""
 
-    Attributes:
-        format: Of the file.
-        heatrun: Version that wrote it.
-        type: Of the machines; empty if not said.
-        source: What the machines were taken from: fleet, network, SHA-256 of the rows.
-        num_machines: Machines that count.
-        left_out: Machines that do not.
-        method: How the posterior was drawn.
-        pareto_k: Of the importance weights [1]; null where they are of no use.
-        is_converged: Whether the draws are to be relied on.
-        seed: Random seed.
-        parameters: By name.
-        correlation: Over the machines, in the space of the transforms, in the order of
-            `parameters` [1].
-        outlier_share: Share of machines that do not belong to the type [1].
-        covariates: What one unit of each does to each parameter, as `over_range` says it.
-        covariate_columns: What each of them is.
-        machines: The machines that count.
-        assumed: Hyperprior by parameter.
-        notes: What else must be known of it, in sentences.
-        noise: Noise and unmodelled heat over the machines; not there where their calibrations do
-            not tell them.
-    """
-
-    format: Literal["heatrun-population/1"]
-    heatrun: str
-    type: str
+    format: Literal["heatrun-population/1"]  # Of the file.
+    heatrun: str  # Version that wrote it.
+    type: str  # Of the machines; empty if not said.
+    # What the machines were taken from: fleet, network, SHA-256 of the rows.
     source: dict[str, str]
-    num_machines: Count
-    left_out: list[MachineLeftOut]
-    method: Literal["importance", "emcee"]
-    pareto_k: float | None
-    is_converged: bool
-    seed: Count
-    parameters: dict[str, PopulationParameter]
+    num_machines: Count  # Machines that count.
+    left_out: list[MachineLeftOut]  # Machines that do not.
+    method: Literal["importance", "emcee"]  # How the posterior was drawn.
+    pareto_k: float | None  # Of the importance weights [1]; null where they are of no use.
+    is_converged: bool  # Whether the draws are to be relied on.
+    seed: Count  # Random seed.
+    parameters: dict[str, PopulationParameter]  # By name.
+    # Over the machines, in the space of the transforms, in the order of `parameters` [1].
     correlation: list[list[float]]
-    outlier_share: ValueWithInterval
+    outlier_share: ValueWithInterval  # Share of machines that do not belong to the type [1].
+    # What one unit of each does to each parameter, as `over_range` says it.
     covariates: dict[str, dict[str, ValueWithInterval]]
-    covariate_columns: dict[str, PopulationCovariate]
-    machines: list[PopulationMachine]
-    assumed: dict[str, Assumed]
-    notes: list[str]
+    covariate_columns: dict[str, PopulationCovariate]  # What each of them is.
+    machines: list[PopulationMachine]  # The machines that count.
+    assumed: dict[str, Assumed]  # Hyperprior by parameter.
+    notes: list[str]  # What else must be known of it, in sentences.
+    # Noise and unmodelled heat over the machines; not there where their calibrations do not tell
+    # them.
     noise: PopulationNoise | UnsetType = UNSET
 
 
@@ -237,140 +163,93 @@ FleetVerdict = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InstrumentRival:
-    """An instrument of the bench whose error, shared by all machines, would explain as much.
+    """An instrument of the bench whose error, shared by all machines, would explain as much."""
 
-    Attributes:
-        name: Of the instrument's error, as in the fits.
-        stated_sds: How far it would have to be off, in standard deviations that are stated for it.
-    """
-
-    name: str
+    name: str  # Of the instrument's error, as in the fits.
+    # How far it would have to be off, in standard deviations that are stated for it.
     stated_sds: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SharedEffect:
-    """An effect that the machines of a type share.
+    """An effect that the machines of a type share."""
 
-    Attributes:
-        id: Of the effect in the catalogue.
-        equivalents: Effects that these tests, of all machines together, cannot tell from it.
-        is_beyond_instruments: Whether it stands when all instruments may be off three times as far
-            as is stated, and no single one by up to six standard deviations would explain as much.
-            If not, it may as well be an instrument.
-        instruments: Instruments one of which would explain as much.
-        parameter: The parameter that says its size.
-        shape: Values of its other parameters that suit the machines best, by name.
-        unit: Of the size.
-        size: Mean over machines [unit].
-        spread: Standard deviation of the size from machine to machine beyond what each machine's
-            tests leave open [unit]; zero if none is seen.
-        visible_K: What it leaves of a refitted network, root mean square [K].
-        statistic: Score over its standard deviation [1].
-        familywise_p: Probability that the largest of all effects reaches it by chance [1].
-        num_machines: Machines that it rests on.
-        separating_test: The test that would tell it from its rivals.
-    """
-
-    id: str
+    id: str  # Of the effect in the catalogue.
+    # Effects that these tests, of all machines together, cannot tell from it.
     equivalents: list[str]
+    # Whether it stands when all instruments may be off three times as far as is stated, and no
+    # single one by up to six standard deviations would explain as much. If not, it may as well be
+    # an instrument.
     is_beyond_instruments: bool
-    instruments: list[InstrumentRival]
-    parameter: str
-    shape: dict[str, float]
-    unit: str
-    size: ValueWithInterval
+    instruments: list[InstrumentRival]  # Instruments one of which would explain as much.
+    parameter: str  # The parameter that says its size.
+    shape: dict[str, float]  # Values of its other parameters that suit the machines best, by name.
+    unit: str  # Of the size.
+    size: ValueWithInterval  # Mean over machines [unit].
+    # Standard deviation of the size from machine to machine beyond what each machine's tests leave
+    # open [unit]; zero if none is seen.
     spread: NonNegative
-    visible_K: ValueWithInterval
-    statistic: float
+    visible_K: ValueWithInterval  # What it leaves of a refitted network, root mean square [K].
+    statistic: float  # Score over its standard deviation [1].
+    # Probability that the largest of all effects reaches it by chance [1].
     familywise_p: Probability
-    num_machines: Count
-    separating_test: str
+    num_machines: Count  # Machines that it rests on.
+    separating_test: str  # The test that would tell it from its rivals.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScreenedEffect:
-    """How an effect of the catalogue fared.
+    """How an effect of the catalogue fared."""
 
-    Attributes:
-        id: Of the effect.
-        statistic: Score over its standard deviation, at the setting of its shape that suits best,
-            before anything was accepted [1].
-        could_show_K: Smallest effect that these machines together would show, by what it leaves of
-            a refitted network, root mean square [K]; null if they could show none.
-        num_machines: Machines that could show it.
-    """
-
-    id: str
+    id: str  # Of the effect.
+    # Score over its standard deviation, at the setting of its shape that suits best, before
+    # anything was accepted [1].
     statistic: float
+    # Smallest effect that these machines together would show, by what it leaves of a refitted
+    # network, root mean square [K]; null if they could show none.
     could_show_K: NonNegative | None
-    num_machines: Count
+    num_machines: Count  # Machines that could show it.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeftOutOfDiscovery:
-    """A machine that took no part.
+    """A machine that took no part."""
 
-    Attributes:
-        machine: Its name.
-        reason: Why.
-    """
-
-    machine: str
-    reason: str
+    machine: str  # Its name.
+    reason: str  # Why.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TypeDiscovery:
-    """What the machines of a type share.
+    """What the machines of a type share."""
 
-    Attributes:
-        type: The type; empty if none is said.
-        verdict: In a word: nothing found; one effect named; one of several that cannot be told
-            apart; an effect or an instrument; more is there than the catalogue explains; too few
-            machines.
-        sentence: In a sentence.
-        effects: What was found, in that order.
-        traces: What is there and too small to matter, likewise.
-        critical: Statistic that an effect must reach [1].
-        num_machines: Machines that took part.
-        num_alone: Machines of which their own tests alone show an effect; of machines without any,
-            one in twenty would by chance.
-        left_out: Machines that took no part.
-        screened: All effects.
-    """
-
-    type: str
+    type: str  # The type; empty if none is said.
+    # In a word: nothing found; one effect named; one of several that cannot be told apart; an
+    # effect or an instrument; more is there than the catalogue explains; too few machines.
     verdict: FleetVerdict
-    sentence: str
-    effects: list[SharedEffect]
-    traces: list[SharedEffect]
-    critical: float | None
-    num_machines: Count
+    sentence: str  # In a sentence.
+    effects: list[SharedEffect]  # What was found, in that order.
+    traces: list[SharedEffect]  # What is there and too small to matter, likewise.
+    critical: float | None  # Statistic that an effect must reach [1].
+    num_machines: Count  # Machines that took part.
+    # Machines of which their own tests alone show an effect; of machines without any, one in twenty
+    # would by chance.
     num_alone: Count
-    left_out: list[LeftOutOfDiscovery]
-    screened: list[ScreenedEffect]
+    left_out: list[LeftOutOfDiscovery]  # Machines that took no part.
+    screened: list[ScreenedEffect]  # All effects.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FleetDiscoveryResult:
-    """What the machines of a fleet share.
+    """What the machines of a fleet share."""
 
-    Attributes:
-        format: Of this file.
-        heatrun: Version.
-        fleet: Name of the fleet.
-        level: Probability of finding anything in a fleet without effects, over all types [1].
-        seed: Random seed.
-        types: Each type.
-    """
-
-    format: Literal["heatrun-fleet-discovery/1"]
-    heatrun: str
-    fleet: str
+    format: Literal["heatrun-fleet-discovery/1"]  # Of this file.
+    heatrun: str  # Version.
+    fleet: str  # Name of the fleet.
+    # Probability of finding anything in a fleet without effects, over all types [1].
     level: Probability
-    seed: int
-    types: list[TypeDiscovery]
+    seed: int  # Random seed.
+    types: list[TypeDiscovery]  # Each type.
 
 
 SCHEMAS: Schemas = {

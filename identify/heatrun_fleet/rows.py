@@ -15,8 +15,6 @@ found again by whoever asks for the same. A part with a machine that workers die
 another ending, for what it holds, and is worked out again by the next run.
 """
 
-from __future__ import annotations
-
 import io
 import json
 from collections.abc import Iterable, Mapping, Sequence

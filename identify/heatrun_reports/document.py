@@ -279,18 +279,13 @@ MOST_REPORTS = 999
 
 @dataclass(frozen=True)
 class DateOfTest:
-    """When a test was run, and how that is known.
+    """When a test was run, and how that is known."""
 
-    Attributes:
-        day: The date.
-        number: Running number or clock time as the file name writes it behind the date, such as
-            `"001"` or `"14_16_08"`; empty if there is none.
-        basis: `"clock of the record"`, `"header of the file"` or `FILE_NAME`.
-    """
-
-    day: datetime.date
+    day: datetime.date  # The date.
+    # Running number or clock time as the file name writes it behind the date, such as `"001"` or
+    # `"14_16_08"`; empty if there is none.
     number: str
-    basis: str
+    basis: str  # `"clock of the record"`, `"header of the file"` or `FILE_NAME`.
 
 
 def date_of_test(path: Path, record: Record) -> DateOfTest | None:

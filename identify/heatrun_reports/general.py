@@ -246,21 +246,13 @@ SHARES = (NO_LOAD, 0.25, 0.5, 0.75, 1.0)
 
 @dataclass(frozen=True)
 class ShaftEnergy:
-    """Energy at the shaft, and what became of it.
+    """Energy at the shaft, and what became of it."""
 
-    Attributes:
-        out_J: Delivered as a motor [J].
-        in_J: Taken as a generator [J].
-        efficiency_motor: Of the time as a motor [1]; None if there was none.
-        efficiency_generator: Of the time as a generator [1]; None likewise.
-        ranges: From generator to the largest shaft power; those that were never met left out.
-    """
-
-    out_J: float
-    in_J: float
-    efficiency_motor: float | None
-    efficiency_generator: float | None
-    ranges: Table
+    out_J: float  # Delivered as a motor [J].
+    in_J: float  # Taken as a generator [J].
+    efficiency_motor: float | None  # Of the time as a motor [1]; None if there was none.
+    efficiency_generator: float | None  # Of the time as a generator [1]; None likewise.
+    ranges: Table  # From generator to the largest shaft power; those that were never met left out.
 
 
 def shaft_energy(record: Record, motor: Motor) -> ShaftEnergy | None:

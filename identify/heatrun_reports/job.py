@@ -1,7 +1,5 @@
 """Reports of one test or of many: which tests are meant, written as PDF, CSV and JSON."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -43,22 +41,15 @@ USUAL_S = 2.0
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one test.
+    """What became of one test."""
 
-    Attributes:
-        test: As it was named: path of a file, or name of a record.
-        pdf: The report; None if there is none, as the other files.
-        content: What stands in the JSON.
-        error: Why there is no report; None if there is one.
-    """
-
-    test: str
-    pdf: Path | None = None
+    test: str  # As it was named: path of a file, or name of a record.
+    pdf: Path | None = None  # The report; None if there is none, as the other files.
     csv: Path | None = None
     json: Path | None = None
     report: Report | None = None
-    content: Mapping[str, object] | None = None
-    error: InputError | None = None
+    content: Mapping[str, object] | None = None  # What stands in the JSON.
+    error: InputError | None = None  # Why there is no report; None if there is one.
 
     @property
     def written(self) -> tuple[Path, ...]:

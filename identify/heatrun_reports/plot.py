@@ -1,7 +1,5 @@
 """Figures of the reports: courses over time, torque-speed plane, two prototypes over each other."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

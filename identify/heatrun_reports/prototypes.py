@@ -3,8 +3,6 @@
 Each has a role and a record, and one network is held against each.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -25,19 +23,13 @@ from .simulated import Reference, Simulated, read_reference, reference_of_run, s
 
 @dataclass(frozen=True)
 class Prototype:
-    """One prototype.
+    """One prototype."""
 
-    Attributes:
-        role: As given on the command line, such as `"semi-real"`.
-        reference: Its record with bands, and what is known of how it came about.
-        driven_by: Role of the record that drove the run that stands for it; empty for a file.
-        is_seen: Whether that run was calibrated on that record.
-    """
-
-    role: str
-    reference: Reference
+    role: str  # As given on the command line, such as `"semi-real"`.
+    reference: Reference  # Its record with bands, and what is known of how it came about.
+    # Role of the record that drove the run that stands for it; empty for a file.
     driven_by: str = ""
-    is_seen: bool = False
+    is_seen: bool = False  # Whether that run was calibrated on that record.
 
     @property
     def record(self) -> Record:
@@ -108,16 +100,11 @@ def _read(path: Path, motor: Motor) -> Reference:
 
 @dataclass(frozen=True)
 class OnNetwork:
-    """A measured prototype's temperatures less the network's prediction, on its own clock.
-
-    Attributes:
-        driven_by: Role whose currents, losses and sink drove the network.
-        is_seen: Whether the run was calibrated on the record that is judged.
-    """
+    """A measured prototype's temperatures less the network's prediction, on its own clock."""
 
     prototype: Prototype
-    driven_by: str
-    is_seen: bool
+    driven_by: str  # Role whose currents, losses and sink drove the network.
+    is_seen: bool  # Whether the run was calibrated on the record that is judged.
     validation: Validation
 
 
@@ -220,26 +207,19 @@ class Compared:
 
 @dataclass(frozen=True)
 class Confrontation:
-    """Several prototypes beside each other, in the order given.
-
-    Attributes:
-        base: The one whose clock is kept: the first that was measured, or what drove a run.
-        shift_s: What is added to each prototype's clock to give the base's [s], by role.
-        window_s: First and last moment common to all, on the base's clock [s].
-        pairs: Every pair that shares a signal.
-        information: General Information over the time in common, by role; None where the record
-            does not allow it.
-        networks: The same network against each measured winding.
-    """
+    """Several prototypes beside each other, in the order given."""
 
     prototypes: tuple[Prototype, ...]
+    # The one whose clock is kept: the first that was measured, or what drove a run.
     base: Prototype
+    # What is added to each prototype's clock to give the base's [s], by role.
     shift_s: Mapping[str, float]
-    window_s: tuple[float, float]
-    pairs: tuple[Compared, ...]
+    window_s: tuple[float, float]  # First and last moment common to all, on the base's clock [s].
+    pairs: tuple[Compared, ...]  # Every pair that shares a signal.
+    # General Information over the time in common, by role; None where the record does not allow it.
     information: Mapping[str, GeneralInformation | None]
     findings: tuple[Finding, ...]
-    networks: tuple[OnNetwork, ...] = ()
+    networks: tuple[OnNetwork, ...] = ()  # The same network against each measured winding.
 
     def in_window(self, role: str, record: Record) -> Record:
         """Return a record of a prototype on the clock kept, cut to the time in common."""

@@ -3,8 +3,6 @@
 Its first lines say which pairs agree; its figures show each signal of all over each other.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial

@@ -23,27 +23,17 @@ Kind = Literal["general", "thermal", "energy", "virtual", "real", "prototypes"]
 
 @dataclass(frozen=True)
 class BenchTestType:
-    """The card of a test type.
+    """The card of a test type."""
 
-    Attributes:
-        title: As it stands in the bench's menu.
-        stem: Beginning of the report's file name.
-        heading: Heading of the main table.
-        sentence: What the report answers.
-        optional: Canonical channels shown where they were recorded.
-        needed: What the record must hold, in words; empty for nothing.
-        any_of: Sets of canonical channels; one of them must be there as a whole.
-        needs_reference: Whether a second record is compared.
-    """
-
-    title: str
-    stem: str
-    heading: str
-    sentence: str
-    optional: tuple[str, ...]
-    needed: str = ""
+    title: str  # As it stands in the bench's menu.
+    stem: str  # Beginning of the report's file name.
+    heading: str  # Heading of the main table.
+    sentence: str  # What the report answers.
+    optional: tuple[str, ...]  # Canonical channels shown where they were recorded.
+    needed: str = ""  # What the record must hold, in words; empty for nothing.
+    # Sets of canonical channels; one of them must be there as a whole.
     any_of: tuple[tuple[str, ...], ...] = ()
-    needs_reference: bool = False
+    needs_reference: bool = False  # Whether a second record is compared.
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -152,21 +142,15 @@ Cell = float | str | None
 
 @dataclass(frozen=True)
 class Row:
-    """One figure of the main table.
+    """One figure of the main table."""
 
-    Attributes:
-        name: Stable name with the unit at its end, for JSON.
-        label: As printed; likewise the unit, empty for words.
-        value: None where undefined; the note then says why.
-        places: Decimal places as printed, negative for tens; None for five digits. JSON and CSV
-            hold every digit.
-    """
-
-    name: str
-    label: str
-    value: Cell
+    name: str  # Stable name with the unit at its end, for JSON.
+    label: str  # As printed; likewise the unit, empty for words.
+    value: Cell  # None where undefined; the note then says why.
     unit: str
     note: str = ""
+    # Decimal places as printed, negative for tens; None for five digits. JSON and CSV hold every
+    # digit.
     places: int | None = None
 
 
@@ -180,20 +164,13 @@ class Column:
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a further table.
+    """A line of a further table."""
 
-    Attributes:
-        name: What it is about, such as a channel.
-        unit: Unit of the cells whose column has none.
-        cells: As many as columns.
-        note: Below the table.
-        places: Decimal places of each cell as printed; None, or no such tuple, for four digits.
-    """
-
-    name: str
-    unit: str
-    cells: tuple[Cell, ...]
-    note: str = ""
+    name: str  # What it is about, such as a channel.
+    unit: str  # Unit of the cells whose column has none.
+    cells: tuple[Cell, ...]  # As many as columns.
+    note: str = ""  # Below the table.
+    # Decimal places of each cell as printed; None, or no such tuple, for four digits.
     places: tuple[int | None, ...] = ()
 
 
@@ -222,29 +199,20 @@ class Drawing:
 
 @dataclass(frozen=True)
 class Report:
-    """A report of one test, before it is typeset.
-
-    Attributes:
-        test: Name of the test; likewise `motor`.
-        summary: What came out, in one or two sentences.
-        rows: The main table.
-        definitions: What the figures mean, by name.
-        channels: Canonical channels that the report shows.
-        result: What the rows were taken from.
-    """
+    """A report of one test, before it is typeset."""
 
     kind: Kind
-    test: str
+    test: str  # Name of the test; likewise `motor`.
     motor: str
-    summary: str
-    rows: tuple[Row, ...]
+    summary: str  # What came out, in one or two sentences.
+    rows: tuple[Row, ...]  # The main table.
     tables: tuple[Table, ...]
     drawings: tuple[Drawing, ...]
     findings: tuple[Finding, ...]
-    definitions: tuple[tuple[str, str], ...]
-    channels: tuple[str, ...]
+    definitions: tuple[tuple[str, str], ...]  # What the figures mean, by name.
+    channels: tuple[str, ...]  # Canonical channels that the report shows.
     sources: tuple[Source, ...]
-    result: Any
+    result: Any  # What the rows were taken from.
 
     @property
     def title(self) -> str:

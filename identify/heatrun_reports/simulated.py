@@ -92,23 +92,18 @@ Limits = tuple[Float[np.ndarray, " time"], Float[np.ndarray, " time"]]
 
 @dataclass(frozen=True)
 class Reference:
-    """The record that a test is compared with.
+    """The record that a test is compared with."""
 
-    Attributes:
-        record: On its own clock.
-        bands: Lower and upper 95 % limit by channel, on the record's time axis.
-        inputs: Channels that drove a simulation, and say nothing of how good it is.
-        starts_at_s: Where the first sample of a simulated file lies on the clock of the bench test
-            that it was simulated along [s]; None for any other record.
-        run: The run folder that was driven by the test; empty for a file.
-        is_model: Whether it is given as a virtual prototype: whatever made it, no sensor did.
-    """
-
-    record: Record
+    record: Record  # On its own clock.
+    # Lower and upper 95 % limit by channel, on the record's time axis.
     bands: Mapping[str, Limits] = field(default_factory=dict)
+    # Channels that drove a simulation, and say nothing of how good it is.
     inputs: frozenset[str] = frozenset()
+    # Where the first sample of a simulated file lies on the clock of the bench test that it was
+    # simulated along [s]; None for any other record.
     starts_at_s: float | None = None
-    run: str = ""
+    run: str = ""  # The run folder that was driven by the test; empty for a file.
+    # Whether it is given as a virtual prototype: whatever made it, no sensor did.
     is_model: bool = False
 
     @property

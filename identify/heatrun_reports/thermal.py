@@ -77,17 +77,12 @@ NETWORK_AT_REST = (
 
 @dataclass(frozen=True)
 class ThermalBehaviour:
-    """What a test says of the machine's temperatures.
+    """What a test says of the machine's temperatures."""
 
-    Attributes:
-        settled: For each part of the machine, each stretch of constant load.
-        simulated: The test as the run predicts it, or None.
-        steady: Where the network of the run comes to rest under the load of the last stretch, if
-            the winding did not get there; else None.
-    """
-
-    settled: tuple[Equilibrium, ...]
-    simulated: Simulated | None
+    settled: tuple[Equilibrium, ...]  # For each part of the machine, each stretch of constant load.
+    simulated: Simulated | None  # The test as the run predicts it, or None.
+    # Where the network of the run comes to rest under the load of the last stretch, if the winding
+    # did not get there; else None.
     steady: SteadyNetwork | None
 
 

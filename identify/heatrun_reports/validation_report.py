@@ -1,7 +1,5 @@
 """Validation reports: the bench beside a virtual model, or beside the real prototype."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping
 from functools import partial

@@ -1,7 +1,5 @@
 """Work beside the page, which goes on meanwhile, and tabs that are rendered when first shown."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from contextlib import AbstractContextManager

@@ -1,7 +1,5 @@
 """Fleets that the page can show: rows of their machines, all that is known of one, populations."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json

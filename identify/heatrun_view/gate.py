@@ -6,8 +6,6 @@ an Origin or a Sec-Fetch-Site that is not ours. Every request is judged here bef
 it; what the page makes itself, or a user by typing its address, is let in.
 """
 
-from __future__ import annotations
-
 import hmac
 import ipaddress
 import os
@@ -49,17 +47,13 @@ def _is_same(text: str, secret: str) -> bool:
 
 @dataclass(frozen=True)
 class Gate:
-    """Judges requests.
+    """Judges requests."""
 
-    Attributes:
-        names: Host names that are served, in lower case. Numeric addresses need not stand here:
-            the one that a connection came in on is served.
-        port: TCP port.
-        ticket: Asked for; None lets everyone in who reaches the address, which is for loopback.
-    """
-
+    # Host names that are served, in lower case. Numeric addresses need not stand here: the one that
+    # a connection came in on is served.
     names: frozenset[str]
-    port: int
+    port: int  # TCP port.
+    # Asked for; None lets everyone in who reaches the address, which is for loopback.
     ticket: Ticket | None = None
 
     @property

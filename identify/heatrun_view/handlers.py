@@ -5,8 +5,6 @@ gives a session to any origin. A handler that `ViewApplication` does not name is
 clients are limited in number, in time and in size.
 """
 
-from __future__ import annotations
-
 import base64
 import binascii
 import re

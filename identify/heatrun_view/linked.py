@@ -59,18 +59,14 @@ ROOM = 0.02
 
 @dataclass(frozen=True)
 class Told:
-    """Whom the plots tell of what the user does, and what the user can do, as HTML.
+    """Whom the plots tell of what the user does, and what the user can do, as HTML."""
 
-    Attributes:
-        schedule: Gets a function when the window has changed; calls it soon, and once for many
-            changes in a row.
-        tapped: Gets the time [s] of a click, and whether shift was held.
-        selected: Gets begin and end [s] of a selected window.
-    """
-
+    # Gets a function when the window has changed; calls it soon, and once for many changes in a
+    # row.
     schedule: Callable[[Callable[[], None]], None]
+    # Gets the time [s] of a click, and whether shift was held.
     tapped: Callable[[float, bool], None]
-    selected: Callable[[float, float], None]
+    selected: Callable[[float, float], None]  # Gets begin and end [s] of a selected window.
     help: str = HELP
 
 
@@ -278,23 +274,15 @@ def _place(unit: str) -> tuple[int, str]:
 
 @dataclass(frozen=True)
 class Band:
-    """A predicted course with its 95 % band, in a plot of temperatures.
+    """A predicted course with its 95 % band, in a plot of temperatures."""
 
-    Attributes:
-        label: For the legend.
-        time_s: Times [s], shape (block,).
-        median: Predicted reading [degC], shape as `time_s`; so have its limits.
-        test: The test that it belongs to.
-        measured: Measured means of the blocks [degC], NaN where there is none.
-    """
-
-    label: str
-    time_s: np.ndarray
-    median: np.ndarray
+    label: str  # For the legend.
+    time_s: np.ndarray  # Times [s], shape (block,).
+    median: np.ndarray  # Predicted reading [degC], shape as `time_s`; so have its limits.
     low: np.ndarray
     high: np.ndarray
-    test: str
-    measured: np.ndarray
+    test: str  # The test that it belongs to.
+    measured: np.ndarray  # Measured means of the blocks [degC], NaN where there is none.
 
 
 def draw_band(plot: Any, band: Band, colour: int) -> None:

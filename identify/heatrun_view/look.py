@@ -15,14 +15,11 @@ from bokeh.models import CustomJS, Div
 
 @dataclass(frozen=True)
 class Look:
-    """Colours of a page: background of page and plots, text and axes, grid lines, cursors A and B.
-
-    Attributes:
-        palette: Colours of the channels; the first eight are told apart with the common colour
-            blindnesses, the others are darker or lighter ones of them.
-    """
+    """Colours of a page: background, text and axes, grid lines, cursors A and B."""
 
     is_dark: bool
+    # Colours of the channels; the first eight are told apart with the common colour blindnesses,
+    # the others are darker or lighter ones of them.
     palette: tuple[str, ...]
     paper: str
     ink: str
@@ -229,16 +226,12 @@ SMALLEST_PX, LARGEST_PX = 200, 10_000
 
 @dataclass(frozen=True)
 class Screen:
-    """What the browser looks like: colours, width and height of its window [px].
-
-    Attributes:
-        is_chosen: The colours were chosen with the page's button.
-    """
+    """What the browser looks like: colours, width and height of its window [px]."""
 
     look: Look = LIGHT
     width: int = 1366
     height: int = 800
-    is_chosen: bool = False
+    is_chosen: bool = False  # The colours were chosen with the page's button.
 
     @classmethod
     def of(cls, told: object) -> Screen | None:

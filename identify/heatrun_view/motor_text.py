@@ -3,8 +3,6 @@
 It is written where nothing is lost by it.
 """
 
-from __future__ import annotations
-
 import copy
 import re
 import tomllib

@@ -1,7 +1,5 @@
 """The chosen tests read and checked, for a thread beside the page."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -33,31 +31,23 @@ class Refused:
 
 @dataclass(frozen=True)
 class Reading:
-    """What became of the chosen tests, by the names of the page; why some are refused, as HTML.
-
-    Attributes:
-        checks: Findings and how the files were read, as HTML; None where they were not checked.
-    """
+    """What became of the chosen tests, by the names of the page; why some are refused, as HTML."""
 
     opened: Mapping[str, Opened]
     problems: str
+    # Findings and how the files were read, as HTML; None where they were not checked.
     checks: str | None = None
     refused: Mapping[str, Refused] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Reader:
-    """Reads tests for one tab.
+    """Reads tests for one tab."""
 
-    Attributes:
-        path: Returns the file of a name as the page lists it, or raises InputError.
-        store: Holds what was read before.
-        opener: Opens files in the folders that are shown, and no others.
-    """
-
+    # Returns the file of a name as the page lists it, or raises InputError.
     path: Callable[[str], Path]
-    store: RecordStore
-    opener: Opener
+    store: RecordStore  # Holds what was read before.
+    opener: Opener  # Opens files in the folders that are shown, and no others.
 
     def read(self, names: Sequence[str], motor_name: str | None) -> Reading:
         """Read and check tests; one that cannot be read is named, and the others are.

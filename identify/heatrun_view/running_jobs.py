@@ -4,8 +4,6 @@
 `heatrun`. It ends when the server does, however the server ended.
 """
 
-from __future__ import annotations
-
 import atexit
 import json
 import os

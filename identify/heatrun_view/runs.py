@@ -3,8 +3,6 @@
 `run_view` is a run on the page: what it says, its figures, its files.
 """
 
-from __future__ import annotations
-
 import io
 import os
 from base64 import b64encode

@@ -1,7 +1,5 @@
 """The server of the live view: its address, bound once, its folder, its jobs, and its end."""
 
-from __future__ import annotations
-
 import ipaddress
 import socket
 import tempfile
@@ -30,21 +28,14 @@ LARGEST_PORT = 65535
 
 @dataclass(frozen=True)
 class Binding:
-    """Where the server listens.
+    """Where the server listens."""
 
-    Attributes:
-        sockets: Bound and listening, all on one port.
-        port: TCP port.
-        names: Host names that are served, in lower case; numeric addresses go without saying.
-        url: The page's address, without a token.
-        is_loopback: Whether it is reachable from this machine alone.
-    """
-
-    sockets: Sequence[socket.socket]
-    port: int
+    sockets: Sequence[socket.socket]  # Bound and listening, all on one port.
+    port: int  # TCP port.
+    # Host names that are served, in lower case; numeric addresses go without saying.
     names: frozenset[str]
-    url: str
-    is_loopback: bool
+    url: str  # The page's address, without a token.
+    is_loopback: bool  # Whether it is reachable from this machine alone.
 
 
 def bind(address: str, port: int) -> Binding:

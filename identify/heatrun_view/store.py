@@ -77,21 +77,14 @@ NOTHING = Stamp(-1, -1)
 
 @dataclass(frozen=True)
 class Listing:
-    """What a folder holds, by name relative to it.
+    """What a folder holds, by name relative to it."""
 
-    Attributes:
-        tests: Bench files.
-        simulated: Virtual records that heatrun has simulated, to be looked at beside the tests.
-        motors: Motor files: TOML with a table `[motor]`.
-        is_cut: Whether there was more than is looked at.
-        num_own: Other files that heatrun itself has written, which are not listed.
-    """
-
-    tests: tuple[str, ...]
+    tests: tuple[str, ...]  # Bench files.
+    # Virtual records that heatrun has simulated, to be looked at beside the tests.
     simulated: tuple[str, ...]
-    motors: tuple[str, ...]
-    is_cut: bool
-    num_own: int = 0
+    motors: tuple[str, ...]  # Motor files: TOML with a table `[motor]`.
+    is_cut: bool  # Whether there was more than is looked at.
+    num_own: int = 0  # Other files that heatrun itself has written, which are not listed.
 
 
 class Folder:
@@ -192,20 +185,15 @@ MAX_FOLLOWED = 100
 
 @dataclass(frozen=True)
 class Opened:
-    """A record and the state of its file when it was read.
-
-    Attributes:
-        others: The columns of numbers that are no channel, by name; None where they were not read.
-        notice: What happened to a growing file, as a sentence, or empty.
-        is_part: The file was being written; this is what of it was whole.
-    """
+    """A record and the state of its file when it was read."""
 
     record: Record
     path: Path
     stamp: Stamp
+    # The columns of numbers that are no channel, by name; None where they were not read.
     others: Mapping[str, Other] | None = None
-    notice: str = ""
-    is_part: bool = False
+    notice: str = ""  # What happened to a growing file, as a sentence, or empty.
+    is_part: bool = False  # The file was being written; this is what of it was whole.
 
     def is_current(self) -> bool:
         """Return whether the file is still the one that was read."""

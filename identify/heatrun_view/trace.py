@@ -41,19 +41,13 @@ MARGIN = 0.25
 
 @dataclass(frozen=True)
 class Trace:
-    """The readings of one channel, or column that is none, of a test in order of time.
-
-    Attributes:
-        time_s: Times with a reading, ascending [s], shape (reading,).
-        value: Readings in the unit, shape (reading,).
-        step_s: Median step between readings [s].
-    """
+    """The readings of one channel, or column that is none, of a test in order of time."""
 
     test: str
     channel: str
-    time_s: np.ndarray
-    value: np.ndarray
-    step_s: float
+    time_s: np.ndarray  # Times with a reading, ascending [s], shape (reading,).
+    value: np.ndarray  # Readings in the unit, shape (reading,).
+    step_s: float  # Median step between readings [s].
     unit: str
 
     @property

@@ -1,7 +1,5 @@
 """Sentences and tables of the page as HTML; everything that comes from a file is escaped."""
 
-from __future__ import annotations
-
 import traceback
 from collections.abc import Iterable, Sequence
 from html import escape

@@ -26,18 +26,14 @@ from .stepping import eliminate, heat_balance, rates
 
 
 class Field(NamedTuple):
-    """The rates of a network by its temperatures.
+    """The rates of a network by its temperatures."""
 
-    Attributes:
-        nodes: Names of the nodes, sorted, those of the effects among them: the order of vectors.
-        start: Temperatures [degC], shape (node,).
-        slope: Returns the rates [K/s] for temperatures [degC], both of shape (node,).
-        heat: Returns the heat put into each node [W] likewise.
-    """
-
+    # Names of the nodes, sorted, those of the effects among them: the order of vectors.
     nodes: tuple[str, ...]
-    start: Float[Array, " node"]
+    start: Float[Array, " node"]  # Temperatures [degC], shape (node,).
+    # Returns the rates [K/s] for temperatures [degC], both of shape (node,).
     slope: Callable[[Float[Array, " node"]], Float[Array, " node"]]
+    # Returns the heat put into each node [W] likewise.
     heat: Callable[[Float[Array, " node"]], Float[Array, " node"]]
 
     def place(self, node: str) -> int:
@@ -190,18 +186,12 @@ def _without(conductance: dict[Link, Array], node: str) -> dict[Link, Array]:
 
 
 class Linearised(eqx.Module):
-    """A network as dT/dt = A T + q.
+    """A network as dT/dt = A T + q."""
 
-    Attributes:
-        nodes: Names of the nodes in the order of rows and columns: sorted, those of the effects
-            among them.
-        A: State matrix [1/s], shape (node, node).
-        offset: q [K/s] for temperatures in degC, shape (node,).
-    """
-
+    # Names of the nodes in the order of rows and columns: sorted, those of the effects among them.
     nodes: tuple[str, ...] = eqx.field(static=True)
-    A: Float[Array, "*draw node node"]
-    offset: Float[Array, "*draw node"]
+    A: Float[Array, "*draw node node"]  # State matrix [1/s], shape (node, node).
+    offset: Float[Array, "*draw node"]  # q [K/s] for temperatures in degC, shape (node,).
 
 
 def linearise(
@@ -356,16 +346,12 @@ def equilibrium(slope: Callable[[Vector], Vector], sink: Vector) -> Vector:
 
 
 class SteadyCurrent(NamedTuple):
-    """The current that holds the copper at a temperature.
+    """The current that holds the copper at a temperature."""
 
-    Attributes:
-        squared: Squared rms phase current [A^2]; negative where the other losses alone make the
-            copper hotter, NaN where none was found.
-        temperature: Temperature by node [degC].
-    """
-
+    # Squared rms phase current [A^2]; negative where the other losses alone make the copper hotter,
+    # NaN where none was found.
     squared: Float[Array, ""]
-    temperature: dict[str, Float[Array, ""]]
+    temperature: dict[str, Float[Array, ""]]  # Temperature by node [degC].
 
 
 def steady_current(

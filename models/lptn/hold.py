@@ -17,14 +17,11 @@ from .stepping import mean, stages
 
 
 class Held(NamedTuple):
-    """Where a drive that was held has led.
+    """Where a drive that was held has led."""
 
-    Attributes:
-        last: Temperature by node at the end [degC], nodes of effects among them.
-        highest: Highest temperature by node at the edges of the steps [degC], the start's too.
-    """
-
+    # Temperature by node at the end [degC], nodes of effects among them.
     last: dict[str, Float[Array, ""]]
+    # Highest temperature by node at the edges of the steps [degC], the start's too.
     highest: dict[str, Float[Array, ""]]
 
 

@@ -17,18 +17,12 @@ from .stepping import Scalar, State, Step, affine_step, general_step
 
 
 class March(NamedTuple):
-    """Where a simulation starts and how it goes on from interval to interval.
+    """Where a simulation starts and how it goes on from interval to interval."""
 
-    Attributes:
-        first: Temperature of each node at the first edge, counted from `origin` [K].
-        origin: Temperature that the state is counted from [degC].
-        advance: Takes the state over one interval.
-        intervals: Inputs and length [s] of each interval, leading axis of shape (time,).
-    """
-
-    first: State
-    origin: Scalar
-    advance: Step
+    first: State  # Temperature of each node at the first edge, counted from `origin` [K].
+    origin: Scalar  # Temperature that the state is counted from [degC].
+    advance: Step  # Takes the state over one interval.
+    # Inputs and length [s] of each interval, leading axis of shape (time,).
     intervals: tuple[Drive, Float[Array, " time"]]
 
 
@@ -59,17 +53,11 @@ def march(
 
 
 class Sensed(NamedTuple):
-    """The state of a march at an edge, with what the sensors read there.
+    """The state of a march at an edge, with what the sensors read there."""
 
-    Attributes:
-        state: Temperatures as in `March.first` [K].
-        at_once: Reading of each sensor, had it no lag [degC].
-        reading: Reading of each sensor [degC].
-    """
-
-    state: State
-    at_once: tuple[Float[Array, ""], ...]
-    reading: tuple[Float[Array, ""], ...]
+    state: State  # Temperatures as in `March.first` [K].
+    at_once: tuple[Float[Array, ""], ...]  # Reading of each sensor, had it no lag [degC].
+    reading: tuple[Float[Array, ""], ...]  # Reading of each sensor [degC].
 
 
 def sensed_march(

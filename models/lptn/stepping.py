@@ -165,16 +165,12 @@ class AffineTerms(NamedTuple):
 
     The state counts from -B. A step under the drive d takes it from U to P U + S q(d), where P and
     S are polynomials of k = m Is^2 Rs0/(B + Tref), and q(d) is the rate that is put in.
-
-    Attributes:
-        powers: P by power of k [K/W]^power.
-        spread: S by power of k [s (K/W)^power].
-        put_in: What each quantity of the drive adds to the rate of each node, by its name in
-            `Drive`; `""` stands for the constant, `"shaft_offset"` for that of the shaft power.
     """
 
-    powers: Sequence[Matrix]
-    spread: Sequence[Matrix]
+    powers: Sequence[Matrix]  # P by power of k [K/W]^power.
+    spread: Sequence[Matrix]  # S by power of k [s (K/W)^power].
+    # What each quantity of the drive adds to the rate of each node, by its name in `Drive`; `""`
+    # stands for the constant, `"shaft_offset"` for that of the shaft power.
     put_in: Mapping[str, Vector]
 
 

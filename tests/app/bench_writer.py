@@ -16,14 +16,12 @@ LONGEST_PAUSE_S = 0.02
 
 
 def row(number: int, rate: float) -> str:
-    """Return a row of the file."""
     t = number / rate
     winding = 20.0 + 60.0 * (1.0 - math.exp(-t / 1200.0))
     return f"{t:.3f},{80 + number % 40},{600 + number % 7},21.5,{winding:.4f},{number % 9},ok\n"
 
 
 def main() -> None:
-    """Write until the process is ended."""
     path, rate, chance = sys.argv[1], float(sys.argv[2]), random.Random(int(sys.argv[3]))
     begun = time.monotonic()
     with open(path, "w") as file:

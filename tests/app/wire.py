@@ -30,7 +30,6 @@ def ask(
 
 
 def token_of(page: bytes) -> str:
-    """Return the session token that stands in a page."""
     return re.search(rb'"token":"([^"]+)"', page).group(1).decode()
 
 
@@ -51,12 +50,10 @@ class Tab:
             self.tell_built()
 
     def send(self, kind: str, content: dict[str, Any], **header: Any) -> None:
-        """Send a message of Bokeh's protocol."""
         for part in ({"msgid": "1", "msgtype": kind, **header}, {}, content):
             self.frame(json.dumps(part).encode())
 
     def frame(self, data: bytes, opcode: int = 1) -> None:
-        """Send a frame of the websocket."""
         size = len(data)
         length = bytes([0x80 | size]) if size < 126 else (
             bytes([0x80 | 126]) + struct.pack(">H", size) if size < 65536
@@ -95,7 +92,6 @@ class Tab:
         return found
 
     def change(self, model: str, attribute: str, value: Any) -> None:
-        """Set a property of a model, as a widget does."""
         event = {"kind": "ModelChanged", "model": {"id": model}, "attr": attribute, "new": value}
         self.send("PATCH-DOC", {"events": [event]})
 
@@ -206,7 +202,6 @@ def _gzip(data: bytes) -> bytes:
 
 
 def until(is_so, seconds: float = 180.0) -> None:
-    """Wait until something is so."""
     end = time.monotonic() + seconds
     while not is_so():
         assert time.monotonic() < end

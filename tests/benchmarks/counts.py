@@ -84,7 +84,6 @@ def warmer(record: Record) -> Record:
 
 
 def main() -> None:
-    """Count, and print."""
     jax.monitoring.register_event_duration_secs_listener(listen)
     motor = load_motor(DATA / "motor.toml")
     record = read_test(DATA / "duty_30min.csv.gz", motor)

@@ -291,7 +291,6 @@ def rows_before(path: Path) -> list[Row]:
 
 
 def main() -> None:
-    """Measure and write the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--machines", type=int, nargs="*", default=[1, 100, 10_000])
     parser.add_argument("--files", type=int, default=128, help="machines of `heatrun fleet`")

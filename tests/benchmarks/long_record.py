@@ -22,7 +22,6 @@ from heatrun.record.reduction import reduce
 
 
 def main() -> None:
-    """Run the stages and print the peaks."""
     peaks = {}
 
     def note(stage: str) -> None:

@@ -52,7 +52,6 @@ def heatrun(words: list[str], cache: Path) -> Measured:
 
 
 def environment(cache: Path) -> dict[str, str]:
-    """Return the environment of the processes."""
     paths = os.pathsep.join(str(ROOT / part) for part in ("identify", "models"))
     own = {**os.environ, "PYTHONPATH": paths, "XDG_CACHE_HOME": str(cache),
            "OPENBLAS_NUM_THREADS": "1"}  # fmt: skip

@@ -117,7 +117,6 @@ def coloured(record, sd=0.3, time=30.0, white=0.3, exact_steps=64):
 
 
 def problem(record, **options) -> Problem:
-    """Return the calibration problem of the record."""
     num = record["measured"].size
     time = record["step"] * np.arange(num + 1)
 

@@ -39,21 +39,13 @@ def help_of_each() -> list[Row]:
 
 @dataclass(frozen=True)
 class Wait:
-    """A command that somebody waits for.
+    """A command that somebody waits for."""
 
-    Attributes:
-        what: What it is asked for.
-        words: After `heatrun`; in them `{out}` is a folder of its own.
-        kept_s: Wall time that it should not exceed with compiled programs kept [s].
-        empty_s: The same with an empty cache.
-        before: What it took at first.
-    """
-
-    what: str
-    words: Sequence[str]
-    kept_s: float | None
-    empty_s: float | None = None
-    before: str = ""
+    what: str  # What it is asked for.
+    words: Sequence[str]  # After `heatrun`; in them `{out}` is a folder of its own.
+    kept_s: float | None  # Wall time that it should not exceed with compiled programs kept [s].
+    empty_s: float | None = None  # The same with an empty cache.
+    before: str = ""  # What it took at first.
 
 
 def waits(folder: Path) -> list[Wait]:

@@ -60,25 +60,15 @@ MODULES = ("heatrun.commands.calibrate", "heatrun.jobs", "heatrun.api")
 
 @dataclass
 class Cost:
-    """What a phase costs.
+    """What a phase costs."""
 
-    Attributes:
-        wall_s: Wall time without the phases inside it [s].
-        cpu_s: Processor time of all threads, likewise [s].
-        trace_s: Of it, tracing and lowering [s].
-        compile_s: Compiling [s of wall time].
-        programs: Programs that were compiled [1].
-        hits: Programs that were kept and came from the cache [1].
-        calls: Calls [1].
-    """
-
-    wall_s: float = 0.0
-    cpu_s: float = 0.0
-    trace_s: float = 0.0
-    compile_s: float = 0.0
-    programs: int = 0
-    hits: int = 0
-    calls: int = 0
+    wall_s: float = 0.0  # Wall time without the phases inside it [s].
+    cpu_s: float = 0.0  # Processor time of all threads, likewise [s].
+    trace_s: float = 0.0  # Of it, tracing and lowering [s].
+    compile_s: float = 0.0  # Compiling [s of wall time].
+    programs: int = 0  # Programs that were compiled [1].
+    hits: int = 0  # Programs that were kept and came from the cache [1].
+    calls: int = 0  # Calls [1].
 
 
 @dataclass
@@ -172,7 +162,6 @@ def run(words: Sequence[str], told: Path) -> int:
 
 
 def table(told: dict[str, Any]) -> str:
-    """Return a profile as text."""
     rows = sorted(told["phases"].items(), key=lambda row: -row[1]["cpu_s"])
     total = {key: sum(cost[key] for _, cost in rows) for key in asdict(Cost())}
     head = ("phase", "wall s", "processor s", "tracing s", "compiling s", "compiled", "from cache",

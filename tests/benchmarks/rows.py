@@ -10,27 +10,17 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table.
+    """One line of the table."""
 
-    Attributes:
-        section: Table that it stands in.
-        what: What was measured.
-        value: The figure.
-        unit: Its unit.
-        target: What it should not exceed, or None.
-        detail: Where the figure comes from.
-    """
-
-    section: str
-    what: str
-    value: float
-    unit: str
-    target: float | None = None
-    detail: str = ""
+    section: str  # Table that it stands in.
+    what: str  # What was measured.
+    value: float  # The figure.
+    unit: str  # Its unit.
+    target: float | None = None  # What it should not exceed, or None.
+    detail: str = ""  # Where the figure comes from.
 
     @property
     def missed(self) -> bool:
-        """Whether the target is missed."""
         return self.target is not None and self.value > self.target
 
 

@@ -113,7 +113,6 @@ def _version(name: str) -> str:
 
 
 def main() -> None:
-    """Measure, print and write."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--small", action="store_true", help="fewer samples and repeats")
     parser.add_argument("--only", help="one section")

@@ -96,7 +96,6 @@ cell of the worksheet follows from its inputs (`tests/heatrun/test_worksheet.py`
 
 
 def markdown(result: dict[str, Any]) -> str:
-    """Return the page."""
     about = result["about"]
     versions = ", ".join(f"{name} {number}" for name, number in about["versions"].items())
     parts = [
@@ -211,7 +210,6 @@ def _least(rows: dict, key: str, choose, form: str) -> str:
 
 
 def main() -> None:
-    """Run everything and write the tables."""
     fitted = {test: chains.fitted(test, "second") for test in ("duty_30min", "duty_90min")}
     short = chains.fitted("step_30min", "second", until_s=SHORT_S)
     result = {

@@ -63,19 +63,12 @@ def product() -> str:
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of a case from undisturbed commands.
+    """What is known of a case from undisturbed commands."""
 
-    Attributes:
-        expected: What it leaves.
-        spans: How long each phase takes [s].
-        num_operations: File operations of one.
-        largest: Size of its largest file [byte].
-    """
-
-    expected: Expected
-    spans: dict[str, float]
-    num_operations: int
-    largest: int
+    expected: Expected  # What it leaves.
+    spans: dict[str, float]  # How long each phase takes [s].
+    num_operations: int  # File operations of one.
+    largest: int  # Size of its largest file [byte].
 
 
 class Bench:
@@ -126,7 +119,6 @@ class Bench:
         return {**os.environ, "TMPDIR": str(self.temporary), PROGRESS: "json"}
 
     def run(self, case: Case, strike: Strike | None = None, **limits: int) -> End:
-        """Run a case in a fork, where it is."""
         env = {"TMPDIR": str(self.temporary), PROGRESS: "json"}
         return run_forked(case.words, self.home, env, case.phases, strike, **limits)
 

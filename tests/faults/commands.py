@@ -23,24 +23,16 @@ FITTED = {"fitting": "least squares", "sampling": "sampling the posterior",
 
 @dataclass(frozen=True)
 class Case:
-    """A command with all that is given to it.
+    """A command with all that is given to it."""
 
-    Attributes:
-        command: As it is counted.
-        words: After `heatrun`, for the home as working folder.
-        place: Where its result is, relative to the home.
-        target: Signals that are to strike it in a campaign of 1000.
-        phases: What it says on stderr when a phase after the first begins. A command that says
-            nothing is in its last phase from its first file operation on.
-        variant: What tells it from others of the same command.
-    """
-
-    command: str
-    words: tuple[str, ...]
-    target: int
-    place: str = OUT
+    command: str  # As it is counted.
+    words: tuple[str, ...]  # After `heatrun`, for the home as working folder.
+    target: int  # Signals that are to strike it in a campaign of 1000.
+    place: str = OUT  # Where its result is, relative to the home.
+    # What it says on stderr when a phase after the first begins. A command that says nothing is in
+    # its last phase from its first file operation on.
     phases: Mapping[str, str] = field(default_factory=dict)
-    variant: str = ""
+    variant: str = ""  # What tells it from others of the same command.
 
     @property
     def name(self) -> str:

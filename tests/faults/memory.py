@@ -48,7 +48,6 @@ def measure(path: Path) -> str:
 
 
 def main() -> None:
-    """Measure and write `memory.md`."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--rows", type=int, default=10_000_000)
     parser.add_argument("--results", type=Path, default=Path("results") / "faults")

@@ -40,40 +40,24 @@ STOP_S = 0.01
 
 @dataclass(frozen=True)
 class Strike:
-    """A signal and its moment.
+    """A signal and its moment."""
 
-    Attributes:
-        signal: What is sent.
-        phase: In which phase; `"operation"` for before a file operation.
-        delay_s: After the phase began [s].
-        operation: Number of the file operation, from 1.
-    """
-
-    signal: signal.Signals
-    phase: str
-    delay_s: float = 0.0
-    operation: int = 0
+    signal: signal.Signals  # What is sent.
+    phase: str  # In which phase; `"operation"` for before a file operation.
+    delay_s: float = 0.0  # After the phase began [s].
+    operation: int = 0  # Number of the file operation, from 1.
 
 
 @dataclass
 class End:
-    """How a command ended.
+    """How a command ended."""
 
-    Attributes:
-        code: Exit code; minus the signal's number where that ended it.
-        said: All of stderr.
-        phase: The phase that it was in when it was struck, or ended.
-        spans: How long each phase took [s].
-        num_operations: File operations below the home.
-        was_struck: Whether the signal was sent before the end.
-    """
-
-    code: int
-    said: str
-    phase: str
-    spans: dict[str, float] = field(default_factory=dict)
-    num_operations: int = 0
-    was_struck: bool = False
+    code: int  # Exit code; minus the signal's number where that ended it.
+    said: str  # All of stderr.
+    phase: str  # The phase that it was in when it was struck, or ended.
+    spans: dict[str, float] = field(default_factory=dict)  # How long each phase took [s].
+    num_operations: int = 0  # File operations below the home.
+    was_struck: bool = False  # Whether the signal was sent before the end.
 
 
 def warm_up() -> None:
@@ -133,7 +117,6 @@ def run_plain(
     command: Sequence[str], home: Path, env: Mapping[str, str], phases: Mapping[str, str],
     strike: Strike | None = None,
 ) -> End:  # fmt: skip
-    """Run a command line in a home and strike it at its moment."""
     with (home.parent / "stdout").open("wb") as out:
         process = subprocess.Popen(
             list(command), cwd=home, env=dict(env), stdin=subprocess.DEVNULL, stdout=out,
@@ -303,7 +286,6 @@ class _Follow:
         time.sleep(STOP_S)
 
     def end(self, code: int) -> End:
-        """Return how it ended."""
         stops = [*self.began.values(), time.monotonic()]
         spans = {p: b - a for p, a, b in zip(self.began, stops, stops[1:], strict=False)}
         said = self.said.decode(errors="replace")

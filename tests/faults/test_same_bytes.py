@@ -109,15 +109,6 @@ def test_a_stated_date_stands_in_the_files_that_have_a_place_for_one(runs):
 
 
 @pytest.mark.slow
-def test_the_sheet_made_again_is_that_of_the_run(runs):
-    for files in runs:
-        again = {name: content for name, content in files.items() if name.startswith("sheet/")}
-        assert len(again) >= 5
-        for name, content in again.items():
-            assert content == files["run" + name.removeprefix("sheet")]
-
-
-@pytest.mark.slow
 def test_no_folder_stands_in_a_document(runs, tmp_path):
     for name, content in runs[0].items():
         if name.endswith(".pdf"):

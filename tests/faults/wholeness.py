@@ -180,18 +180,14 @@ def _flat(value: Any, name: str = "") -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Expected:
-    """What an undisturbed command leaves, learnt from two of them.
+    """What an undisturbed command leaves, learnt from two of them."""
 
-    Attributes:
-        digests: SHA-256 of the files that came out the same to the last byte, by name.
-        leaves: Contents that came out the same of files that did not, by name of the file.
-        before: Names that lay at the place before the command.
-        varying: Contents that did not come out the same, by name of the file.
-    """
-
+    # SHA-256 of the files that came out the same to the last byte, by name.
     digests: dict[str, str]
+    # Contents that came out the same of files that did not, by name of the file.
     leaves: dict[str, dict[str, Any]]
-    before: frozenset[str] = frozenset()
+    before: frozenset[str] = frozenset()  # Names that lay at the place before the command.
+    # Contents that did not come out the same, by name of the file.
     varying: dict[str, list[str]] = field(default_factory=dict)
 
     @classmethod

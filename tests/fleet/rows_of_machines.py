@@ -78,7 +78,6 @@ def _noise(seed: Sequence[int], shift: Sequence[float]):
 
 
 def refused(number: int, message: str, **said):
-    """Return the row of a machine that its records do not allow."""
     finding = {"id": "x", "severity": "error", "message": message, "where": "", "remedy": "",
                "test": ""}  # fmt: skip
     lists = {name: [] for name, kind, _, _ in COLUMNS if kind.startswith("list")}
@@ -87,7 +86,6 @@ def refused(number: int, message: str, **said):
 
 
 def write_rows(folder: Path, rows) -> Path:
-    """Write rows as the folder of a fleet."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "machines.parquet").write_bytes(part_bytes(rows))
     (folder / "manifest.json").write_text(json.dumps({"fleet": "line 3"}))

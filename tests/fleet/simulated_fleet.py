@@ -88,5 +88,4 @@ def calibrated(folder: Path, out: Path, **settings):
 
 
 def write_manifest(folder: Path, rows: Sequence[str]) -> None:
-    """Write the manifest of a fleet, heading first."""
     (folder / "machines.csv").write_text("\n".join(rows) + "\n")

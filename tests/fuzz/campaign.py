@@ -80,7 +80,6 @@ def campaign(names: list[str], seconds: int, seed: int, folder: Path) -> list[di
 
 
 def write_table(rows: list[dict], folder: Path, seconds: int, seed: int) -> None:
-    """Write what came as `table.md`."""
     packages = ("atheris", "heatrun", "numpy", "pandas", "h5py", "pyarrow")
     versions = ", ".join(f"{name} {version(name)}" for name in packages)
     lines = [
@@ -113,7 +112,6 @@ def write_table(rows: list[dict], folder: Path, seconds: int, seed: int) -> None
 
 
 def main() -> int:
-    """Run all targets, or one of them in this process."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=int, default=20, help="for each target")
     parser.add_argument("--seed", type=int, default=1)

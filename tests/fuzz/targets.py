@@ -52,15 +52,10 @@ MAT_HEADER = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
 
 @dataclass(frozen=True)
 class Target:
-    """Something that reads bytes.
+    """Something that reads bytes."""
 
-    Attributes:
-        run: Takes the bytes; anything but a quiet end is a fault.
-        seeds: Whole files.
-    """
-
-    run: Callable[[bytes], None]
-    seeds: tuple[bytes, ...]
+    run: Callable[[bytes], None]  # Takes the bytes; anything but a quiet end is a fault.
+    seeds: tuple[bytes, ...]  # Whole files.
 
 
 def record(suffix: str, *, start: bytes = b"") -> Callable[[bytes], None]:
@@ -86,7 +81,6 @@ def packed_mat(data: bytes) -> None:
 
 
 def motor(data: bytes) -> None:
-    """Read bytes as a motor file."""
     path = FOLDER / "motor.toml"
     path.write_bytes(data)
     with suppress(InputError):
@@ -116,7 +110,6 @@ def result(data: bytes) -> None:
 
 
 def manifest(data: bytes) -> None:
-    """Read bytes as the manifest of a run."""
     run = FOLDER / "listed"
     run.mkdir(exist_ok=True)
     (run / "fit.json").write_bytes(b"{}")

@@ -6,13 +6,9 @@ from lptn.effects import EffectCard, HeatEffect, Quantity
 
 
 class CabinetHeater(HeatEffect):
-    """A heater in the cabinet, on all the time.
+    """A heater in the cabinet, on all the time."""
 
-    Attributes:
-        P: Heat of the heater [W].
-    """
-
-    P: Float[Array, ""]
+    P: Float[Array, ""]  # Heat of the heater [W].
 
     card = EffectCard(
         id="cabinet_heater",

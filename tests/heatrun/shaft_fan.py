@@ -6,13 +6,9 @@ from lptn.effects import EffectCard, HeatEffect, Quantity, power, require
 
 
 class ShaftFan(HeatEffect):
-    """The conductance to the sink rises with the speed of a fan on the shaft.
+    """The conductance to the sink rises with the speed of a fan on the shaft."""
 
-    Attributes:
-        g: Gain of conductance at rated speed [1].
-    """
-
-    g: Float[Array, ""]
+    g: Float[Array, ""]  # Gain of conductance at rated speed [1].
 
     card = EffectCard(
         id="shaft_fan",

@@ -60,25 +60,16 @@ def heat_run(number: int) -> dict[str, np.ndarray]:
 
 @dataclass(frozen=True)
 class Sent:
-    """A file of a bench with what each column is.
+    """A file of a bench with what each column is."""
 
-    Attributes:
-        name: Whose it is.
-        columns: Header to (quantity of `heat_run`, factor); "clock" is a time of day.
-        truth: Channel to the header that it must be read from.
-        delimiter: Between cells.
-        codec: Encoding.
-        below: A row of units.
-        comma: Numbers have a decimal comma.
-    """
-
-    name: str
+    name: str  # Whose it is.
+    # Header to (quantity of `heat_run`, factor); "clock" is a time of day.
     columns: dict[str, tuple[str, float]]
-    truth: dict[str, str]
-    delimiter: str = ","
-    codec: str = "utf-8"
-    below: tuple[str, ...] = ()
-    comma: bool = False
+    truth: dict[str, str]  # Channel to the header that it must be read from.
+    delimiter: str = ","  # Between cells.
+    codec: str = "utf-8"  # Encoding.
+    below: tuple[str, ...] = ()  # A row of units.
+    comma: bool = False  # Numbers have a decimal comma.
     before: tuple[str, ...] = field(default=())
 
     def written(self, folder, number):
@@ -197,7 +188,6 @@ def answered(capsys, *words):
 
 
 def read_channels(record):
-    """Return channel to column."""
     return {one.channel: one.column for one in record.mapping if one.column}
 
 

@@ -189,7 +189,6 @@ RNG = np.random.default_rng(12)
 
 
 def ohm_of(B=COPPER, winding=WINDING):
-    """0.047 ohm_of at 20 degC."""
     return 0.047 * (B + winding) / (B + 20.0)
 
 

@@ -4,9 +4,7 @@ import gzip
 import json
 import re
 import runpy
-import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -196,29 +194,6 @@ def test_a_virtual_record_follows_the_measured_one(day, capsys):
     assert row["rmse_K"] < 0.6  # rounding to 1 degC alone is 0.29 K
     virtual = pd.read_csv(row["file"])
     assert {"winding_degC", "stator_degC", "copper_loss_W"} <= set(virtual.columns)
-
-
-@pytest.mark.slow
-def test_a_killed_run_leaves_no_result_and_goes_on(tmp_path, motor_file, table):
-    table.to_csv(tmp_path / "test.csv", index=False)
-    words = [sys.executable, "-m", "heatrun.cli", "calibrate", str(motor_file),
-             str(tmp_path / "test.csv"), "--model", "second", "--out", str(tmp_path / "run"),
-             "--json"]  # fmt: skip
-    first = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    chunk = tmp_path / "run.partial" / "checkpoints" / "second" / "ensemble_0" / "chunk_00000.npz"
-    while first.poll() is None and not chunk.exists():
-        time.sleep(0.1)
-    first.kill()
-    first.wait()
-    assert not (tmp_path / "run").exists()
-    assert chunk.exists()
-    again = subprocess.run(words, capture_output=True, text=True, check=True)
-    clean = subprocess.run(
-        [*words[:-2], str(tmp_path / "clean"), "--json"], capture_output=True, text=True, check=True
-    )
-    one, two = (json.loads(each.stdout)["models"] for each in (again, clean))
-    assert one == two
-    assert not (tmp_path / "run.partial").exists()
 
 
 def test_python_runs_the_package_as_a_command(capsys, monkeypatch):

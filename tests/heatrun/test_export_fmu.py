@@ -43,7 +43,6 @@ def read(finished_day):
 
 @pytest.fixture(scope="module")
 def fmu(read, tmp_path_factory):
-    """It as an FMU."""
     return unpacked(tmp_path_factory.mktemp("fmu"), read.source, read.parameters)
 
 

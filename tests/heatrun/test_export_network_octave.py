@@ -82,21 +82,13 @@ SHORT = record()
 
 @dataclass(frozen=True)
 class Case:
-    """A model and how it is driven.
+    """A model and how it is driven."""
 
-    Attributes:
-        base: Key of `BASES`.
-        effects: Ids, in order.
-        motor: Says what the losses mean, and the sink.
-        record: What drives it.
-        values: What differs from the typical values.
-    """
-
-    base: str = "second"
-    effects: tuple[str, ...] = ()
-    motor: Motor = MOTOR
-    record: Record = SHORT
-    values: tuple[tuple[str, float], ...] = ()
+    base: str = "second"  # Key of `BASES`.
+    effects: tuple[str, ...] = ()  # Ids, in order.
+    motor: Motor = MOTOR  # Says what the losses mean, and the sink.
+    record: Record = SHORT  # What drives it.
+    values: tuple[tuple[str, float], ...] = ()  # What differs from the typical values.
 
     def variables(self):
         model = Model.of(BASES[self.base], self.motor, tuple(KINDS[id] for id in self.effects))

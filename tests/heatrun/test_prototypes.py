@@ -79,7 +79,6 @@ def folder(tmp_path_factory, truth) -> Path:
 
 @pytest.fixture(scope="module")
 def report(folder) -> dict:
-    """The report on four prototypes, by the command."""
     words = ["report", "--type", "prototypes", str(MOTOR)]
     words += [f"virtual={folder / 'Model_2024_03_05_001.csv'}", f"semi-real={BENCH}"]
     words += [f"real={ROAD}", f"semi-real-2={folder / 'Bench_2024_03_06_001.csv'}"]

@@ -164,7 +164,6 @@ FOLDERS = {"$P": "data/synthetic/prototypes", "$D": "data/synthetic", "$O": "res
 
 
 def commands() -> list[str]:
-    """The commands of the page that are written out."""
     found = [text for text in re.findall(r"`([^`\n]+)`", PAGE) if re.match(r"heatrun \S+ \S", text)]
     return [text for text in dict.fromkeys(found) if "…" not in text and "\\|" not in text]
 

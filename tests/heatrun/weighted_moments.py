@@ -9,21 +9,14 @@ from heatrun.posterior.weighted import Weighted
 
 
 class Moments(NamedTuple):
-    """Of weighted draws, by score.
+    """Of weighted draws, by score."""
 
-    Attributes:
-        mean: Mean.
-        sd: Standard deviation.
-        error: Standard error of the self-normalised mean.
-    """
-
-    mean: np.ndarray
-    sd: np.ndarray
-    error: np.ndarray
+    mean: np.ndarray  # Mean.
+    sd: np.ndarray  # Standard deviation.
+    error: np.ndarray  # Standard error of the self-normalised mean.
 
 
 def moments(weighted: Weighted) -> Moments:
-    """Return the moments of weighted draws."""
     mean = weighted.weights @ weighted.vectors
     shift = weighted.vectors - mean
     sd = np.sqrt(weighted.weights @ shift**2)

@@ -132,7 +132,6 @@ def table(outcomes: list[Outcome], note: str = "") -> str:
 
 
 def cell(text: str) -> str:
-    """Return text for a cell of the table."""
     shown = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
     return shown.replace("|", "\\|").replace("<", "&lt;").replace(tempfile.gettempdir(), "")[:160]
 

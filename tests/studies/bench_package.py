@@ -24,7 +24,6 @@ def bench() -> ModuleType:
 
 
 def hidden_bench() -> ModuleType:
-    """Return the package of the bench with hidden causes, a part of it."""
     bench()
     return importlib.import_module(f"{NAME}.hidden")
 

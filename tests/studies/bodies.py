@@ -43,7 +43,6 @@ SAID = ("identified", "weak", "not identifiable")
 
 
 def table(rows: Sequence[Row], command: str, seed: int, planned: int) -> str:
-    """Return the tables in Markdown."""
     done = [row for row in rows if row["exit_code"] == 0]
     refused = [row for row in rows if _is_refused(row)]
     broken = [row for row in rows if row["exit_code"] is None]

@@ -52,19 +52,12 @@ Channels = dict[str, np.ndarray]
 
 @dataclass(frozen=True)
 class Case:
-    """A machine on a bench.
+    """A machine on a bench."""
 
-    Attributes:
-        tests: Columns of each test; the last is held out if there are two.
-        motor: Text of the motor file.
-        model: Network that is fitted.
-        truth: True values of its parameters.
-    """
-
-    tests: list[Channels]
-    motor: str
-    model: str
-    truth: dict[str, float]
+    tests: list[Channels]  # Columns of each test; the last is held out if there are two.
+    motor: str  # Text of the motor file.
+    model: str  # Network that is fitted.
+    truth: dict[str, float]  # True values of its parameters.
 
 
 REST_S = 60.0
@@ -87,7 +80,6 @@ def jobs(first_seed: int, repeats: int) -> list[dict[str, Any]]:
 
 
 def make(kind: str, variant: str, seed: int) -> Case:
-    """Return the case of a seed."""
     return MAKERS[kind](variant, np.random.default_rng(seed))
 
 

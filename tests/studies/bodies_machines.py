@@ -23,25 +23,16 @@ Sink = Callable[[float], float]
 
 @dataclass(frozen=True)
 class Machine:
-    """A body of several nodes.
+    """A body of several nodes."""
 
-    Attributes:
-        watts: Losses at rated load [W].
-        capacity: Heat capacity by node [J/K].
-        resistance: Resistance by pair of nodes, one of which may be the sink [K/W].
-        shares: Where the losses other than copper enter [1].
-        copper_share: Share of the copper loss at rated load [1].
-        phases: Number of phases.
-        rated_rpm: Rated speed [rpm].
-    """
-
-    watts: float
-    capacity: Mapping[str, float]
+    watts: float  # Losses at rated load [W].
+    capacity: Mapping[str, float]  # Heat capacity by node [J/K].
+    # Resistance by pair of nodes, one of which may be the sink [K/W].
     resistance: Mapping[tuple[str, str], float]
-    shares: Mapping[str, float]
-    copper_share: float
-    phases: int = 3
-    rated_rpm: float = 3000.0
+    shares: Mapping[str, float]  # Where the losses other than copper enter [1].
+    copper_share: float  # Share of the copper loss at rated load [1].
+    phases: int = 3  # Number of phases.
+    rated_rpm: float = 3000.0  # Rated speed [rpm].
 
     @property
     def nodes(self) -> tuple[str, ...]:
@@ -67,21 +58,13 @@ class Machine:
 
 @dataclass(frozen=True)
 class Duty:
-    """Loads that are held from one moment to the next.
+    """Loads that are held from one moment to the next."""
 
-    Attributes:
-        edges_s: Where each begins, and the end of the last [s], shape (load + 1,).
-        current: Phase current over rated [1], shape (load,).
-        speed: Speed over rated [1].
-        torque: Torque over rated, negative as a generator [1].
-        other: Losses other than copper over rated [1].
-    """
-
-    edges_s: np.ndarray
-    current: np.ndarray
-    speed: np.ndarray
-    torque: np.ndarray
-    other: np.ndarray
+    edges_s: np.ndarray  # Where each begins, and the end of the last [s], shape (load + 1,).
+    current: np.ndarray  # Phase current over rated [1], shape (load,).
+    speed: np.ndarray  # Speed over rated [1].
+    torque: np.ndarray  # Torque over rated, negative as a generator [1].
+    other: np.ndarray  # Losses other than copper over rated [1].
 
     def held(self, time_s: np.ndarray) -> np.ndarray:
         """Return which load is on at each time."""
@@ -91,27 +74,16 @@ class Duty:
 
 @dataclass(frozen=True)
 class Courses:
-    """What happens, once a second.
+    """What happens, once a second."""
 
-    Attributes:
-        time_s: Time [s], shape (sample,).
-        sink_degC: Temperature of the sink [degC].
-        nodes_degC: Temperature by node [degC].
-        current_A: Phase current [A].
-        other_W: Losses other than copper [W].
-        copper_W: Copper loss [W].
-        speed_rpm: Speed [rpm].
-        torque: Torque over rated [1].
-    """
-
-    time_s: np.ndarray
-    sink_degC: np.ndarray
-    nodes_degC: Mapping[str, np.ndarray]
-    current_A: np.ndarray
-    other_W: np.ndarray
-    copper_W: np.ndarray
-    speed_rpm: np.ndarray
-    torque: np.ndarray
+    time_s: np.ndarray  # Time [s], shape (sample,).
+    sink_degC: np.ndarray  # Temperature of the sink [degC].
+    nodes_degC: Mapping[str, np.ndarray]  # Temperature by node [degC].
+    current_A: np.ndarray  # Phase current [A].
+    other_W: np.ndarray  # Losses other than copper [W].
+    copper_W: np.ndarray  # Copper loss [W].
+    speed_rpm: np.ndarray  # Speed [rpm].
+    torque: np.ndarray  # Torque over rated [1].
 
 
 def simulate(machine: Machine, duty: Duty, sink: Sink) -> Courses:
@@ -241,17 +213,11 @@ NOISE_SHARE = 1e-3
 
 @dataclass(frozen=True)
 class Sensor:
-    """The sensor of a body.
+    """The sensor of a body."""
 
-    Attributes:
-        gain: Relative error of the rise [1].
-        offset_K: Offset [K].
-        lag_s: Time constant [s].
-    """
-
-    gain: float
-    offset_K: float
-    lag_s: float
+    gain: float  # Relative error of the rise [1].
+    offset_K: float  # Offset [K].
+    lag_s: float  # Time constant [s].
 
     def read(self, rng: np.random.Generator, courses: Courses, degC: np.ndarray) -> np.ndarray:
         """Return the readings of a body's temperature [degC]."""
@@ -262,21 +228,13 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Bench:
-    """Errors of a bench, the same in all tests of a machine.
+    """Errors of a bench, the same in all tests of a machine."""
 
-    Attributes:
-        loss_gain: Relative error of the losses [1].
-        current_gain: Relative error of the current [1].
-        ohm_gain: Relative error of the phase resistance in the motor file [1].
-        sink_offset_K: Error of the sink's temperature [K].
-        winding: The winding's sensor.
-    """
-
-    loss_gain: float
-    current_gain: float
-    ohm_gain: float
-    sink_offset_K: float
-    winding: Sensor
+    loss_gain: float  # Relative error of the losses [1].
+    current_gain: float  # Relative error of the current [1].
+    ohm_gain: float  # Relative error of the phase resistance in the motor file [1].
+    sink_offset_K: float  # Error of the sink's temperature [K].
+    winding: Sensor  # The winding's sensor.
 
 
 def drawn_bench(rng: np.random.Generator) -> Bench:

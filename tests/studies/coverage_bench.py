@@ -41,23 +41,14 @@ CURRENT_SD_A = 0.05
 
 @dataclass(frozen=True)
 class Errors:
-    """Constant errors of the bench, the same in all tests of a machine.
+    """Constant errors of the bench, the same in all tests of a machine."""
 
-    Attributes:
-        current_gain: What the current is to be multiplied by, less 1 [1].
-        power_gain: What the loss channel is to be multiplied by, less 1 [1].
-        sensor_gain: Relative error of the measured rise [1].
-        sensor_offset: Error of the winding sensor [K].
-        ambient_offset: What is to be added to the measured sink [K].
-        Rs0: Logarithm of true over stated phase resistance [1].
-    """
-
-    current_gain: float = 0.0
-    power_gain: float = 0.0
-    sensor_gain: float = 0.0
-    sensor_offset: float = 0.0
-    ambient_offset: float = 0.0
-    Rs0: float = 0.0
+    current_gain: float = 0.0  # What the current is to be multiplied by, less 1 [1].
+    power_gain: float = 0.0  # What the loss channel is to be multiplied by, less 1 [1].
+    sensor_gain: float = 0.0  # Relative error of the measured rise [1].
+    sensor_offset: float = 0.0  # Error of the winding sensor [K].
+    ambient_offset: float = 0.0  # What is to be added to the measured sink [K].
+    Rs0: float = 0.0  # Logarithm of true over stated phase resistance [1].
 
     @classmethod
     def drawn(cls, scores: np.ndarray, sd: Mapping[str, float]) -> Errors:
@@ -68,25 +59,15 @@ class Errors:
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """Noise of the winding sensor.
+    """Noise of the winding sensor."""
 
-    Attributes:
-        sd_K: Standard deviation of the Ornstein-Uhlenbeck part [K].
-        time_s: Its correlation time [s].
-        white_sd_K: Standard deviation of the white part of one sample at 1 Hz [K].
-        resolution_K: Step of the reading [K].
-        truncates: The step cuts off instead of rounding.
-        is_heavy: Shocks of both parts are Student t with three degrees of freedom.
-        grows: Factor on the level in the second half of the test [1].
-    """
-
-    sd_K: float
-    time_s: float
-    white_sd_K: float
-    resolution_K: float = 0.1
-    truncates: bool = False
-    is_heavy: bool = False
-    grows: float = 1.0
+    sd_K: float  # Standard deviation of the Ornstein-Uhlenbeck part [K].
+    time_s: float  # Its correlation time [s].
+    white_sd_K: float  # Standard deviation of the white part of one sample at 1 Hz [K].
+    resolution_K: float = 0.1  # Step of the reading [K].
+    truncates: bool = False  # The step cuts off instead of rounding.
+    is_heavy: bool = False  # Shocks of both parts are Student t with three degrees of freedom.
+    grows: float = 1.0  # Factor on the level in the second half of the test [1].
 
     def draw(self, time_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Return the error of each sample before rounding [K], shape (time,)."""
@@ -112,15 +93,10 @@ class SensorNoise:
 
 @dataclass(frozen=True)
 class HiddenHeat:
-    """Heat into both nodes that the network knows nothing of, as its prior has it.
+    """Heat into both nodes that the network knows nothing of, as its prior has it."""
 
-    Attributes:
-        share: Standard deviation over the mean loss of the test [1].
-        time_s: Correlation time [s].
-    """
-
-    share: float
-    time_s: float = 1200.0
+    share: float  # Standard deviation over the mean loss of the test [1].
+    time_s: float = 1200.0  # Correlation time [s].
 
     def course(
         self, mean_loss_W: float, duration_s: float, rng: np.random.Generator
@@ -137,17 +113,12 @@ class HiddenHeat:
 
 @dataclass(frozen=True)
 class Simulated:
-    """One test as the bench wrote it, with its truth.
+    """One test as the bench wrote it, with its truth."""
 
-    Attributes:
-        channels: Canonical channels, each of shape (time,).
-        sensor_degC: What the sensor would read without noise and rounding, shape (reading,).
-        start_degC: True winding and stator temperature at the start.
-    """
-
-    channels: dict[str, np.ndarray]
+    channels: dict[str, np.ndarray]  # Canonical channels, each of shape (time,).
+    # What the sensor would read without noise and rounding, shape (reading,).
     sensor_degC: np.ndarray
-    start_degC: tuple[float, float]
+    start_degC: tuple[float, float]  # True winding and stator temperature at the start.
 
 
 def run_test(

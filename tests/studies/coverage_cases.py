@@ -65,34 +65,22 @@ NUM_NORMAL = 4000
 
 @dataclass(frozen=True)
 class Cell:
-    """One kind of record and what the fit is told about it.
+    """One kind of record and what the fit is told about it."""
 
-    Attributes:
-        errors: Standard deviations of the type B errors drawn.
-        overrides: What the motor file says of parameters.
-        knows_resistance: Rs0 is held at what is stated.
-        slower: Factor on the correlation time of the noise [1].
-        stronger: Factor on its level [1].
-        grows: Factor on its level in the second half of each test [1].
-        is_heavy: Student t noise.
-        truncates: The logger cuts off.
-        from_prior: Network and noise are drawn from the priors of the fit.
-        period_s: Sampling period of the electrical channels [s].
-        prior_test_s: Length of the tests of motors drawn from the prior [s].
-        start_sd_K: Standard deviation of stator over winding at the start of each test [K].
-    """
-
+    # Standard deviations of the type B errors drawn.
     errors: Mapping[str, float] = field(default_factory=lambda: NONE)
+    # What the motor file says of parameters.
     overrides: Mapping[str, ParameterOverride] = field(default_factory=lambda: AS_EXACT)
-    knows_resistance: bool = True
-    slower: float = 1.0
-    stronger: float = 1.0
-    grows: float = 1.0
-    is_heavy: bool = False
-    truncates: bool = False
-    from_prior: bool = False
-    period_s: float = PERIOD_S
-    prior_test_s: float = 3600.0
+    knows_resistance: bool = True  # Rs0 is held at what is stated.
+    slower: float = 1.0  # Factor on the correlation time of the noise [1].
+    stronger: float = 1.0  # Factor on its level [1].
+    grows: float = 1.0  # Factor on its level in the second half of each test [1].
+    is_heavy: bool = False  # Student t noise.
+    truncates: bool = False  # The logger cuts off.
+    from_prior: bool = False  # Network and noise are drawn from the priors of the fit.
+    period_s: float = PERIOD_S  # Sampling period of the electrical channels [s].
+    prior_test_s: float = 3600.0  # Length of the tests of motors drawn from the prior [s].
+    # Standard deviation of stator over winding at the start of each test [K].
     start_sd_K: float = 0.0
 
 

@@ -31,7 +31,6 @@ NUM_ENVELOPE = 20_000
 
 
 def chosen(rows: Sequence[Row], cell: str, method: str) -> list[Row]:
-    """Return the rows of a cell that a method was run on."""
     return [row for row in rows if row["cell"] == cell and method in row]
 
 

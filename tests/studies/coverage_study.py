@@ -203,7 +203,6 @@ def _short(value: Any) -> Any:
 
 
 def table(rows: Sequence[Row], found: Sequence[Row], content: Row) -> str:
-    """Return the table as Markdown."""
     lines = [
         "# Are the intervals honest?",
         "",

@@ -98,7 +98,6 @@ def keep(made: Path, pattern: str, target: Path) -> None:
 
 
 def page(lines: list[str]) -> str:
-    """Return the page of commands."""
     return "\n".join([
         "# What a user gets",
         "",

@@ -40,7 +40,6 @@ def is_right(row: Row, effect: str) -> str:
 
 
 def claims(row: Row) -> bool:
-    """Whether a name is claimed."""
     return row["verdict"] in ("named", "ambiguous")
 
 
@@ -143,7 +142,6 @@ def _keeps(rule: str, share: float) -> bool:
 
 
 def _figure(what: str, wanted: str, values: Sequence[float], reduce: Any) -> Row:
-    """Return a gate on a figure."""
     value = float(reduce(values)) if len(values) else None
     limit = float(wanted.split()[1])
     holds = None if value is None else value <= limit if "≤" in wanted else value >= limit

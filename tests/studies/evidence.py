@@ -75,14 +75,12 @@ def pairs(rows: Sequence[Row]) -> list[Row]:
 
 
 def counts(pair: Row) -> str:
-    """Return whether a pair counts, in words."""
     if pair["is_held"]:
         return "no: unmodelled heat held down, which is another prior"
     return "yes" if pair["is_sound"] else "no: the guard of the sampling fails"
 
 
 def table(rows: Sequence[Row]) -> str:
-    """Return the rows as Markdown."""
     every = pairs(rows)
     sound = [each for each in every if each["is_sound"] and not each["is_held"]]
     off = np.array([each["laplace"] - each["sampled"] for each in sound])

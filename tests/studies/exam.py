@@ -58,46 +58,28 @@ FEW = 4
 
 @dataclass(frozen=True)
 class Score:
-    """How well a profile was predicted that was not fitted.
+    """How well a profile was predicted that was not fitted."""
 
-    Attributes:
-        profile: Its id.
-        mse_K2: Mean squared error of the winding over all its samples [K^2].
-        max_K: Maximum absolute error of a sample [K].
-        coverage_95: Share of the block means inside the 95 % band [1].
-    """
-
-    profile: int
-    mse_K2: float
-    max_K: float
-    coverage_95: float
+    profile: int  # Its id.
+    mse_K2: float  # Mean squared error of the winding over all its samples [K^2].
+    max_K: float  # Maximum absolute error of a sample [K].
+    coverage_95: float  # Share of the block means inside the 95 % band [1].
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """One network, calibrated on one set of profiles.
+    """One network, calibrated on one set of profiles."""
 
-    Attributes:
-        trained: Ids of the profiles that were fitted.
-        left_out: Why others of the set were not, by id.
-        network: Its name.
-        scores: Of the profiles that were predicted; empty if refused.
-        seconds: Wall-clock time of calibration and prediction [s].
-        processor_s: Processor time of the same [s].
-        refused: Why there is no fit.
-    """
-
-    trained: tuple[int, ...]
-    left_out: dict[int, str]
-    network: str
-    scores: tuple[Score, ...]
-    seconds: float
-    processor_s: float
-    refused: str = ""
+    trained: tuple[int, ...]  # Ids of the profiles that were fitted.
+    left_out: dict[int, str]  # Why others of the set were not, by id.
+    network: str  # Its name.
+    scores: tuple[Score, ...]  # Of the profiles that were predicted; empty if refused.
+    seconds: float  # Wall-clock time of calibration and prediction [s].
+    processor_s: float  # Processor time of the same [s].
+    refused: str = ""  # Why there is no fit.
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the exam."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("file", type=Path, nargs="?", default=Path("measures_v2.csv"))
     parser.add_argument(
@@ -276,7 +258,6 @@ def first_sentence(text: str) -> str:
 
 
 def table(outcomes: Sequence[Outcome]) -> str:
-    """Return the table in Markdown."""
     numbers = [score.profile for outcome in outcomes for score in outcome.scores]
     heads = [str(number) for number in dict.fromkeys(numbers)] or ["test"]
     lines = [

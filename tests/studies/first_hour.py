@@ -46,16 +46,11 @@ VESC_SEED = 41
 
 @dataclass(frozen=True)
 class Handed:
-    """What a bench hands over.
+    """What a bench hands over."""
 
-    Attributes:
-        write: Writes the file into a folder and returns where it lies.
-        columns: Channel to the column that it must be read from, as the person knows.
-        numbers: What the person knows that no file of this bench holds: key or channel to text.
-    """
-
-    write: Callable[[Path], Path]
-    columns: dict[str, str]
+    write: Callable[[Path], Path]  # Writes the file into a folder and returns where it lies.
+    columns: dict[str, str]  # Channel to the column that it must be read from, as the person knows.
+    # What the person knows that no file of this bench holds: key or channel to text.
     numbers: dict[str, str]
 
 

@@ -66,7 +66,6 @@ def population_of(fleet: Path, out: Path, *words: str) -> tuple[Row, list[Row]]:
 
 
 def rows_of(path: Path) -> list[Row]:
-    """Return the rows of a Parquet file."""
     from pyarrow.parquet import ParquetFile
 
     with ParquetFile(path) as file:
@@ -148,7 +147,6 @@ def fleet_options(doc: str | None, seed: int, **counts: int) -> Namespace:
 
 
 def table(rows: Sequence[Row], one_stage: Row | None, said: Row) -> str:
-    """Return the tables in Markdown."""
     machines = [each for row in rows for each in row["machines_found"]]
     num = sum(row["machines"] for row in rows)
     lines = [

@@ -48,28 +48,18 @@ reference_temperature_degC = {REFERENCE_degC}
 
 @dataclass(frozen=True)
 class Fleet:
-    """A fleet and its truth.
+    """A fleet and its truth."""
 
-    Attributes:
-        mean: Of the logarithms over machines of the supplier north, shape (parameter,).
-        sd: Over machines of one supplier, outliers left aside, shape (parameter,).
-        correlation: Likewise, shape (parameter, parameter).
-        supplier: What the supplier south adds, shape (parameter,).
-        logs: Logarithms of the machines' parameters, shape (machine, parameter).
-        is_south: Shape (machine,).
-        odd: Place of the parameter in which a machine is something else; -1 in one that fits,
-            shape (machine,).
-        minutes: Length of each machine's test [min], shape (machine,).
-    """
-
-    mean: np.ndarray
-    sd: np.ndarray
-    correlation: np.ndarray
-    supplier: np.ndarray
-    logs: np.ndarray
-    is_south: np.ndarray
+    mean: np.ndarray  # Of the logarithms over machines of the supplier north, shape (parameter,).
+    sd: np.ndarray  # Over machines of one supplier, outliers left aside, shape (parameter,).
+    correlation: np.ndarray  # Likewise, shape (parameter, parameter).
+    supplier: np.ndarray  # What the supplier south adds, shape (parameter,).
+    logs: np.ndarray  # Logarithms of the machines' parameters, shape (machine, parameter).
+    is_south: np.ndarray  # Shape (machine,).
+    # Place of the parameter in which a machine is something else; -1 in one that fits, shape
+    # (machine,).
     odd: np.ndarray
-    minutes: np.ndarray
+    minutes: np.ndarray  # Length of each machine's test [min], shape (machine,).
 
     @property
     def is_outlier(self) -> np.ndarray:

@@ -67,7 +67,6 @@ def cases(clean: int, hidden: int, large: int, off: int, unknown: int) -> list[R
 
 
 def run(case: Row, cache: Path | None = None) -> Row:
-    """Return the row of a fleet."""
     amplitude, bench = 0.0, {}
     hidden = case["name"] if case["kind"] in ("hidden", "unknown") else ""
     if hidden:
@@ -187,7 +186,6 @@ def table(rows: list[Row]) -> list[str]:
 
 
 def page(rows: list[Row], planned: int) -> str:
-    """Return the page of the study."""
     size = [e["size"]["value"] / row["amplitude"] for row in rows if row["kind"] == "hidden"
             for e in row["effects"] if e["id"] == row["name"]]  # fmt: skip
     show = np.median([row["could_show_K"] for row in rows if row["kind"] == "clean"] or [np.nan])

@@ -170,7 +170,6 @@ def main() -> None:
 
 
 def table(rows: Sequence[Row], said: Row) -> str:
-    """Return the tables in Markdown."""
     machines = [each for row in rows for each in row["machines_found"]]
     of_type = [each for row in rows for each in row["type"]]
     with_effect = sum(row["has_effect"] for row in rows)

@@ -54,25 +54,15 @@ MOTOR = f'{TYPE}[columns]\nspeed_rpm = "n"\n'
 
 @dataclass(frozen=True)
 class NoisyFleet:
-    """A fleet and its truth.
+    """A fleet and its truth."""
 
-    Attributes:
-        machines: Their thermal parameters.
-        noise_mean: Of the logarithms over machines, shape (noise,).
-        noise_sd: Likewise, machines of another noise left aside, shape (noise,).
-        noise: Logarithms of each machine's noise, shape (machine, noise).
-        is_other: Machines with another noise, shape (machine,).
-        iron_median_W: Of the effect over machines [W]; 0 where the type has none.
-        iron_W: Of each machine, shape (machine,).
-    """
-
-    machines: Fleet
-    noise_mean: np.ndarray
-    noise_sd: np.ndarray
-    noise: np.ndarray
-    is_other: np.ndarray
-    iron_median_W: float
-    iron_W: np.ndarray
+    machines: Fleet  # Their thermal parameters.
+    noise_mean: np.ndarray  # Of the logarithms over machines, shape (noise,).
+    noise_sd: np.ndarray  # Likewise, machines of another noise left aside, shape (noise,).
+    noise: np.ndarray  # Logarithms of each machine's noise, shape (machine, noise).
+    is_other: np.ndarray  # Machines with another noise, shape (machine,).
+    iron_median_W: float  # Of the effect over machines [W]; 0 where the type has none.
+    iron_W: np.ndarray  # Of each machine, shape (machine,).
 
 
 def draw_noisy_fleet(

@@ -56,22 +56,16 @@ reference_temperature_degC = {TREF}
 
 @dataclass
 class Plant:
-    """A fleet while a test runs; what an effect may change.
+    """A fleet while a test runs; what an effect may change."""
 
-    Attributes:
-        amplitude: Of the effect, shape (machine,).
-        conductance: Factor on 1/Req_sr, of rise [K] and lagged speed ratio [1].
-        into_winding: Heat added to the winding and taken from the stator [W], of copper loss and
-            other losses [W], winding temperature [degC] and speed ratio [1].
-        rotor: Share of the other losses that a rotor takes [1]; 0 for none.
-        stator_heat: Heat from outside [W], of time [s].
-    """
-
-    amplitude: np.ndarray
+    amplitude: np.ndarray  # Of the effect, shape (machine,).
+    # Factor on 1/Req_sr, of rise [K] and lagged speed ratio [1].
     conductance: Callable[[np.ndarray, float], Any] = lambda rise, speed: 1.0
+    # Heat added to the winding and taken from the stator [W], of copper loss and other losses [W],
+    # winding temperature [degC] and speed ratio [1].
     into_winding: Callable[..., Any] = lambda copper, other, winding, speed: 0.0
-    rotor: Any = 0.0
-    stator_heat: Callable[[float], Any] = lambda time_s: 0.0
+    rotor: Any = 0.0  # Share of the other losses that a rotor takes [1]; 0 for none.
+    stator_heat: Callable[[float], Any] = lambda time_s: 0.0  # Heat from outside [W], of time [s].
     notes: dict[str, Any] = field(default_factory=dict)
 
 
@@ -133,16 +127,11 @@ UNKNOWN: dict[str, Callable[[Plant], None]] = {
 
 @dataclass(frozen=True)
 class Fleet:
-    """The records of a fleet.
+    """The records of a fleet."""
 
-    Attributes:
-        parameters: Of each machine, by name, shape (machine,).
-        bench: Errors that all machines share.
-        tests: By machine, by test: columns of the record, shape (time,).
-    """
-
-    parameters: dict[str, np.ndarray]
-    bench: dict[str, float]
+    parameters: dict[str, np.ndarray]  # Of each machine, by name, shape (machine,).
+    bench: dict[str, float]  # Errors that all machines share.
+    # By machine, by test: columns of the record, shape (time,).
     tests: list[list[dict[str, np.ndarray]]]
 
 

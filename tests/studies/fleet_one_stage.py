@@ -61,35 +61,21 @@ COVARIATE = "supplier"
 
 
 class Machines(NamedTuple):
-    """What the draws of all machines need, along the first axis.
+    """What the draws of all machines need, along the first axis."""
 
-    Attributes:
-        data: Of the problems, stacked.
-        centre: Prior centre of the thermal parameters, of the logarithm.
-        scale: Its standard deviation.
-        mode: Scores at the fit: parameters, then noise.
-        slope: Of the other scores by the thermal ones, under the covariance of the fit.
-        factor: Of the other scores' covariance given the thermal ones.
-        design: Covariates.
-        information: Of the second stage.
-        precision: Of the second stage.
-        width: Of the law in whose coordinates the machine is drawn: 1, or that of an outlier.
-    """
-
-    data: Any
-    centre: Any
-    scale: Any
-    mode: Any
-    slope: Any
-    factor: Any
-    design: Any
-    information: Any
-    precision: Any
-    width: Any
+    data: Any  # Of the problems, stacked.
+    centre: Any  # Prior centre of the thermal parameters, of the logarithm.
+    scale: Any  # Its standard deviation.
+    mode: Any  # Scores at the fit: parameters, then noise.
+    slope: Any  # Of the other scores by the thermal ones, under the covariance of the fit.
+    factor: Any  # Of the other scores' covariance given the thermal ones.
+    design: Any  # Covariates.
+    information: Any  # Of the second stage.
+    precision: Any  # Of the second stage.
+    width: Any  # Of the law in whose coordinates the machine is drawn: 1, or that of an outlier.
 
 
 def main() -> None:
-    """Compare the two ways on one fleet."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--machines", type=int, default=50)
     parser.add_argument("--seed", type=int, default=SEED)

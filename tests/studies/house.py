@@ -76,7 +76,6 @@ def entered(tree: Path) -> str:
 
 
 def main() -> None:
-    """Print the table."""
     parser = argparse.ArgumentParser(description="How large the house is.")
     parser.add_argument("--profile", action="store_true", help="add what a calibration enters")
     parser.add_argument("--tree", type=Path, default=ROOT, help="checkout of another commit")

@@ -43,7 +43,6 @@ def main() -> None:
 
 
 def table(rows: Sequence[Row], command: str, seed: int, planned: int) -> str:
-    """Return the tables in Markdown."""
     done = [row for row in rows if row["exit_code"] == 0]
     hidden = [row for row in done if is_in_machine(row["kind"])]
     clean = [row for row in done if row["kind"] == "nothing"]

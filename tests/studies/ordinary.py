@@ -256,7 +256,6 @@ def share(hits: Sequence[bool]) -> str:
 
 
 def table(rows: Sequence[Row], words: str, planned: int) -> str:
-    """Return the page of the study."""
     failed = [(row, verb) for row in rows for verb in ("calibrate", "discover")
               if row.get(verb, {}).get("exit_code", 0) != 0]  # fmt: skip
     lines = [

@@ -156,7 +156,6 @@ class Machine:
 
 
 def drawn_machine(kind: str, rng: np.random.Generator) -> Machine:
-    """Return a machine of a kind."""
     usual = KINDS[kind]
 
     def within(limits: Range) -> float:
@@ -380,21 +379,14 @@ def resistance(p: Physics, rise_K: float, speed: float, rotor_W: float) -> float
 
 @dataclass(frozen=True)
 class Case:
-    """A machine and what was recorded of it.
+    """A machine and what was recorded of it."""
 
-    Attributes:
-        machine: The machine.
-        tests: What was read, by name of the test; the last is held out.
-        courses: What was true in each.
-        alone_K: What each imperfection makes of the winding's reading over the fitted tests [K].
-        bench: Errors of the instruments.
-    """
-
-    machine: Machine
-    tests: dict[str, Columns]
-    courses: dict[str, Columns]
+    machine: Machine  # The machine.
+    tests: dict[str, Columns]  # What was read, by name of the test; the last is held out.
+    courses: dict[str, Columns]  # What was true in each.
+    # What each imperfection makes of the winding's reading over the fitted tests [K].
     alone_K: dict[str, float]
-    bench: dict[str, float]
+    bench: dict[str, float]  # Errors of the instruments.
 
     def truth(self) -> dict[str, float | None]:
         """Return what a network of two nodes has in its place, at stated conditions.

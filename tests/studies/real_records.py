@@ -107,26 +107,17 @@ hangs on the last digits, and page 1 says *not to be used*.
 
 @dataclass(frozen=True)
 class Row:
-    """One record and one network.
+    """One record and one network."""
 
-    Attributes:
-        record: What was recorded, and how it was read.
-        network: Name of the network; empty where no fit was tried.
-        refused: First sentence of the error, empty without one.
-        residuals: RMSE [K] and coverage of the 95 % band [1] of calibration and holdout, where
-            there are such.
-        bodies: RMSE of other bodies that were fitted [K], by channel, of the calibration.
-        warnings: Ids of the findings that warn.
-        seconds: Wall-clock time [s].
-    """
-
-    record: str
-    network: str
-    refused: str
+    record: str  # What was recorded, and how it was read.
+    network: str  # Name of the network; empty where no fit was tried.
+    refused: str  # First sentence of the error, empty without one.
+    # RMSE [K] and coverage of the 95 % band [1] of calibration and holdout, where there are such.
     residuals: dict[str, tuple[float, float]]
+    # RMSE of other bodies that were fitted [K], by channel, of the calibration.
     bodies: dict[str, float]
-    warnings: tuple[str, ...]
-    seconds: float
+    warnings: tuple[str, ...]  # Ids of the findings that warn.
+    seconds: float  # Wall-clock time [s].
 
 
 def paderborn_record(description: str, out: str) -> tuple[pd.DataFrame, Path] | None:
@@ -162,21 +153,13 @@ def main() -> None:
 
 @dataclass(frozen=True)
 class Job:
-    """One fit that a user may ask for.
+    """One fit that a user may ask for."""
 
-    Attributes:
-        record: As `Row.record`.
-        network: Name of the network.
-        motor: The motor file.
-        tests: Bench files by name, or the text that names a file where it lies.
-        holdout: The same of what is predicted only.
-    """
-
-    record: str
-    network: str
-    motor: str
-    tests: pd.DataFrame | str
-    holdout: pd.DataFrame | None = None
+    record: str  # As `Row.record`.
+    network: str  # Name of the network.
+    motor: str  # The motor file.
+    tests: pd.DataFrame | str  # Bench files by name, or the text that names a file where it lies.
+    holdout: pd.DataFrame | None = None  # The same of what is predicted only.
 
 
 def paderborn(path: Path) -> Iterator[Job]:
@@ -192,7 +175,6 @@ def paderborn(path: Path) -> Iterator[Job]:
 
 
 def small_motor(folder: Path) -> Iterator[Job]:
-    """Yield the fits of the small motor's runs."""
     for run, files in SMALL.items():
         if not all((folder / name).exists() for name in files):
             continue
@@ -275,7 +257,6 @@ def line(row: Row) -> str:
 
 
 def table(rows: list[Row]) -> str:
-    """Return the table in Markdown."""
     lines = [
         "# Real records",
         "",

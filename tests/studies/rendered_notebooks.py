@@ -22,7 +22,6 @@ LONGEST = 60
 
 
 def main() -> None:
-    """Run and render notebooks."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("notebook", nargs="*", type=Path, help="by default all of them")
     parser.add_argument("--out", type=Path, default=Path("results") / "notebooks")
@@ -39,7 +38,6 @@ def main() -> None:
 
 
 def executed(book: Any, folder: Path) -> None:
-    """Run a notebook in its folder."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of the kernel's own machinery
         from nbclient import NotebookClient

@@ -18,35 +18,22 @@ COPPER_J, IRON_J = 385.0, 460.0
 
 @dataclass(frozen=True)
 class Machine:
-    """A machine of five nodes.
+    """A machine of five nodes."""
 
-    Attributes:
-        C: Heat capacities of slot part, end winding, teeth, yoke with housing, rotor [J/K].
-        G: Conductances [W/K] slot-tooth, slot-end, end-housing, tooth-yoke, yoke-air, rotor-tooth.
-        end_share: Share of the resistance in the end windings [1].
-        copper_W: Loss at 20 degC of winding and current.
-        iron_W: Of teeth and yoke, two numbers.
-        rotor_W: Of the rotor.
-        ambient_degC: Of the air.
-        still: Conductance of the housing to still air over that with the fan [1].
-        exponent: Of the rise in natural convection [1].
-        run_down_s: Time constant of speed [s].
-        heated_s: How long it ran from cold [s].
-        B: Of the material [degC].
-    """
-
+    # Heat capacities of slot part, end winding, teeth, yoke with housing, rotor [J/K].
     C: np.ndarray
+    # Conductances [W/K] slot-tooth, slot-end, end-housing, tooth-yoke, yoke-air, rotor-tooth.
     G: np.ndarray
-    end_share: float
-    copper_W: float
-    iron_W: tuple[float, float]
-    rotor_W: float
-    ambient_degC: float
-    still: float
-    exponent: float
-    run_down_s: float
-    heated_s: float
-    B: float
+    end_share: float  # Share of the resistance in the end windings [1].
+    copper_W: float  # Loss at 20 degC of winding and current.
+    iron_W: tuple[float, float]  # Of teeth and yoke, two numbers.
+    rotor_W: float  # Of the rotor.
+    ambient_degC: float  # Of the air.
+    still: float  # Conductance of the housing to still air over that with the fan [1].
+    exponent: float  # Of the rise in natural convection [1].
+    run_down_s: float  # Time constant of speed [s].
+    heated_s: float  # How long it ran from cold [s].
+    B: float  # Of the material [degC].
 
     def slope(self, T: np.ndarray, speed: float, *, is_on: bool) -> np.ndarray:
         """Return the slopes of the nodes [K/s]."""
@@ -95,21 +82,13 @@ class Machine:
 
 @dataclass(frozen=True)
 class TwoNodes:
-    """A machine of winding and iron, all losses of which end at switch-off.
+    """A machine of winding and iron, all losses of which end at switch-off."""
 
-    Attributes:
-        A: State matrix [1/s].
-        hot_K: Rise of the nodes at switch-off [K].
-        ambient_degC: Of what it cools to.
-        run_down_s: 0: nothing runs on.
-        B: Of the material [degC].
-    """
-
-    A: np.ndarray
-    hot_K: np.ndarray
-    ambient_degC: float
-    run_down_s: float
-    B: float
+    A: np.ndarray  # State matrix [1/s].
+    hot_K: np.ndarray  # Rise of the nodes at switch-off [K].
+    ambient_degC: float  # Of what it cools to.
+    run_down_s: float  # 0: nothing runs on.
+    B: float  # Of the material [degC].
 
     def cooled(self, time_s: np.ndarray) -> tuple[float, np.ndarray]:
         """Return the winding at switch-off and at times after it, evenly spaced from 0 [degC]."""
@@ -150,27 +129,17 @@ def two_nodes(random: np.random.Generator, kind: str) -> TwoNodes:
 
 @dataclass(frozen=True)
 class Design:
-    """What a kind of cooling allows.
+    """What a kind of cooling allows."""
 
-    Attributes:
-        copper: Copper of a machine of 1 kW [kg].
-        density: Current density [A/mm2].
-        rotor: Losses of the rotor over those of the cold copper [1].
-        slot_K: Rise of the slot part over the teeth.
-        end_K: Rise of the end winding over the housing.
-        teeth_K: Rise of the teeth over the yoke.
-        housing_K: Rise of the housing.
-        is_fanned: Whether speed and rise change what the housing gives off.
-    """
-
-    copper: float = 1.1
-    density: tuple[float, float] = (3.0, 7.5)
+    copper: float = 1.1  # Copper of a machine of 1 kW [kg].
+    density: tuple[float, float] = (3.0, 7.5)  # Current density [A/mm2].
+    # Losses of the rotor over those of the cold copper [1].
     rotor: tuple[float, float] = (0.1, 0.7)
-    slot_K: tuple[float, float] = (5.0, 22.0)
-    end_K: tuple[float, float] = (20.0, 45.0)
-    teeth_K: tuple[float, float] = (3.0, 12.0)
-    housing_K: tuple[float, float] = (25.0, 55.0)
-    is_fanned: bool = True
+    slot_K: tuple[float, float] = (5.0, 22.0)  # Rise of the slot part over the teeth.
+    end_K: tuple[float, float] = (20.0, 45.0)  # Rise of the end winding over the housing.
+    teeth_K: tuple[float, float] = (3.0, 12.0)  # Rise of the teeth over the yoke.
+    housing_K: tuple[float, float] = (25.0, 55.0)  # Rise of the housing.
+    is_fanned: bool = True  # Whether speed and rise change what the housing gives off.
 
 
 FIVE_IN_JACKET = "five in a jacket"

@@ -29,8 +29,7 @@ STUDIES = {
     "crosschecks": Study("the same posterior by NUTS, fit by SciPy, simulation by diffrax", "0.5",
         ("tests/crosschecks/study.py",)),
     "discovery": Study("hidden causes named by `heatrun discover`", "2.5",
-        ("tests/studies/discovery.py --clean 72 --unknown 32 --pairs 32",
-         "tests/studies/discovery_time.py")),
+        ("tests/studies/discovery.py --clean 72 --unknown 32 --pairs 32",)),
     "evidence": Study("Laplace's evidence of effects against importance sampling", "0.5",
         ("tests/studies/evidence.py",)),
     "exam": Study("the public set \"Electric Motor Temperature\": FILE=measures_v2.csv, TRAIN=24 "

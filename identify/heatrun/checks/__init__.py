@@ -8,8 +8,6 @@ brings about is then not told beside it, and what is not its doing is. Nothing t
 changed: the record stays as it was read.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 

@@ -23,19 +23,12 @@ DECIMALS = {"use": 3, "use_rows": 0, "mask": 1, "bridge": 1}
 
 @dataclass(frozen=True)
 class MotorFileLine:
-    """A line on windows of a test: what is used of it, or what is left out.
+    """A line on windows of a test: what is used of it, or what is left out."""
 
-    Attributes:
-        section: Header of its section, such as `[tests.drive]`.
-        key: One of `DECIMALS`.
-        windows: First and last time [s], or row, of each.
-        is_open: Whether what the other parts of the test use stands there too.
-    """
-
-    section: str
-    key: str
-    windows: tuple[tuple[float, float], ...]
-    is_open: bool = False
+    section: str  # Header of its section, such as `[tests.drive]`.
+    key: str  # One of `DECIMALS`.
+    windows: tuple[tuple[float, float], ...]  # First and last time [s], or row, of each.
+    is_open: bool = False  # Whether what the other parts of the test use stands there too.
 
     def __str__(self) -> str:
         """Return it as a remedy has it."""

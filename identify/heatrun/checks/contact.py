@@ -64,21 +64,13 @@ records the least had 0.34, where a fan changes the cooling with the speed."""
 
 @dataclass(frozen=True)
 class LostContact:
-    """What the readings lose, slowly.
+    """What the readings lose, slowly."""
 
-    Attributes:
-        from_s: When it begins [s].
-        to_s: When it ends [s]; the end of the record if that comes first.
-        share: Of the rise above the sink that is not shown from then on [1].
-        misfit_K: What a simple network leaves of the readings [K].
-        misfit_put_right_K: What it leaves of them with that share given back [K].
-    """
-
-    from_s: float
-    to_s: float
-    share: float
-    misfit_K: float
-    misfit_put_right_K: float
+    from_s: float  # When it begins [s].
+    to_s: float  # When it ends [s]; the end of the record if that comes first.
+    share: float  # Of the rise above the sink that is not shown from then on [1].
+    misfit_K: float  # What a simple network leaves of the readings [K].
+    misfit_put_right_K: float  # What it leaves of them with that share given back [K].
 
 
 def lost_contact(record: Record, motor: Motor) -> LostContact | None:

@@ -5,8 +5,6 @@ exponentials, late in the stretch by the last and slow one. They stand beside th
 fit, which books a slow rotor or a wandering coolant as a slow stator.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Does the test excite what a fit is to find: more than one level, and long enough?"""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

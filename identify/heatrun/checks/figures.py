@@ -17,8 +17,6 @@ mass: what comes out lies between its winding's time constant and its slow one. 
 see whether a clock or a power is wrong by a factor of 60 or 1000, and for nothing else.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -62,21 +60,14 @@ MIN_RISE_K = 5.0
 
 @dataclass(frozen=True)
 class OneMass:
-    """The record as one mass sees it.
+    """The record as one mass sees it."""
 
-    Attributes:
-        tau_s: Time constant [s].
-        capacity_J_per_K: C [J/K]; NaN where no heat flows.
-        conductance_W_per_K: G [W/K]; NaN where no heat flows.
-        duration_s: Length of what was fitted [s].
-        is_least: The record is too short to show more than the least time constant that is
-            possible, and the largest conductance.
-    """
-
-    tau_s: float
-    capacity_J_per_K: float
-    conductance_W_per_K: float
-    duration_s: float
+    tau_s: float  # Time constant [s].
+    capacity_J_per_K: float  # C [J/K]; NaN where no heat flows.
+    conductance_W_per_K: float  # G [W/K]; NaN where no heat flows.
+    duration_s: float  # Length of what was fitted [s].
+    # The record is too short to show more than the least time constant that is possible, and the
+    # largest conductance.
     is_least: bool = False
 
 
@@ -159,21 +150,13 @@ class Limits(NamedTuple):
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure of a record.
+    """One figure of a record."""
 
-    Attributes:
-        id: Short name.
-        cost: Minus the logarithm of its likelihood [1].
-        sentence: What was expected and what came; empty within the outer limits.
-        channels: The channels that it compares.
-        values: Numbers behind it by name with unit suffix.
-    """
-
-    id: str
-    cost: float
-    sentence: str
-    channels: tuple[str, ...]
-    values: Mapping[str, float]
+    id: str  # Short name.
+    cost: float  # Minus the logarithm of its likelihood [1].
+    sentence: str  # What was expected and what came; empty within the outer limits.
+    channels: tuple[str, ...]  # The channels that it compares.
+    values: Mapping[str, float]  # Numbers behind it by name with unit suffix.
 
 
 def _figure(

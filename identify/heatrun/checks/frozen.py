@@ -77,40 +77,27 @@ and its own standard deviation."""
 
 @dataclass(frozen=True)
 class Stretch:
-    """A stretch in which the reading did not move.
+    """A stretch in which the reading did not move."""
 
-    Attributes:
-        from_s: Its first sample [s].
-        to_s: Its last sample [s].
-        reading_degC: What the sensor read all along [degC].
-        expected_K: How far, from lowest to highest, the heat balance says that it should have moved
-            [K]; 0 where no network describes the rest.
-        doubt_K: How far that may be wrong [K].
-        lowest_degC: Where the heat balance takes it at its lowest [degC]; infinite without one.
-        is_live: The last digit flickers elsewhere, so that standing still is telling by itself.
-        noise_K: Noise that goes on while the reading stands still; 0 where it does not [K].
-    """
-
-    from_s: float
-    to_s: float
-    reading_degC: float
+    from_s: float  # Its first sample [s].
+    to_s: float  # Its last sample [s].
+    reading_degC: float  # What the sensor read all along [degC].
+    # How far, from lowest to highest, the heat balance says that it should have moved [K]; 0 where
+    # no network describes the rest.
     expected_K: float
-    doubt_K: float
+    doubt_K: float  # How far that may be wrong [K].
+    # Where the heat balance takes it at its lowest [degC]; infinite without one.
     lowest_degC: float
-    is_live: bool
+    is_live: bool  # The last digit flickers elsewhere, so that standing still is telling by itself.
+    # Noise that goes on while the reading stands still; 0 where it does not [K].
     noise_K: float = 0.0
 
 
 class Looked(NamedTuple):
-    """What the checks of the winding's reading share.
+    """What the checks of the winding's reading share."""
 
-    Attributes:
-        moved: As `unexplained_movement`.
-        stretches: As `frozen_stretches`.
-    """
-
-    moved: Movement | None
-    stretches: tuple[Stretch, ...]
+    moved: Movement | None  # As `unexplained_movement`.
+    stretches: tuple[Stretch, ...]  # As `frozen_stretches`.
 
     @classmethod
     def at(cls, record: Record, motor: Motor) -> Looked:

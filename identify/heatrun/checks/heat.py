@@ -1,7 +1,5 @@
 """Is there heat for what the winding does, and is it heat that the machine, or any machine, has?"""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -5,8 +5,6 @@ or 100. Whatever a value is called, its heat must show: what would warm the wind
 does not, was not there.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Can the losses be what the record says, given its current, phase resistance, torque and speed?"""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Is everything there that a fit needs: channels, samples, values?"""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

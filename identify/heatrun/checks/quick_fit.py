@@ -79,29 +79,18 @@ MAX_RESIDUAL_SHARE = 0.1
 
 @dataclass(frozen=True)
 class Course:
-    """Means of a test over blocks of one length.
+    """Means of a test over blocks of one length."""
 
-    Attributes:
-        time_s: Middle of each block [s], shape (block,).
-        step_s: Length of a block [s].
-        winding_degC: Winding temperature, shape (block,).
-        sink_degC: Temperature of the sink, shape (block,).
-        copper_W: Loss of the winding, or the shape of it, shape (block,).
-        all_W: All losses, shape (block,).
-        start_degC: Winding temperature at the start.
-        body_sd_K: Standard deviation of the body's start about the winding's.
-        is_counted: Which temperatures count, shape (block,).
-    """
-
-    time_s: Float[np.ndarray, " block"]
-    step_s: float
-    winding_degC: Float[np.ndarray, " block"]
-    sink_degC: Float[np.ndarray, " block"]
+    time_s: Float[np.ndarray, " block"]  # Middle of each block [s], shape (block,).
+    step_s: float  # Length of a block [s].
+    winding_degC: Float[np.ndarray, " block"]  # Winding temperature, shape (block,).
+    sink_degC: Float[np.ndarray, " block"]  # Temperature of the sink, shape (block,).
+    # Loss of the winding, or the shape of it, shape (block,).
     copper_W: Float[np.ndarray, " block"]
-    all_W: Float[np.ndarray, " block"]
-    start_degC: float
-    body_sd_K: float
-    is_counted: np.ndarray
+    all_W: Float[np.ndarray, " block"]  # All losses, shape (block,).
+    start_degC: float  # Winding temperature at the start.
+    body_sd_K: float  # Standard deviation of the body's start about the winding's.
+    is_counted: np.ndarray  # Which temperatures count, shape (block,).
 
     @property
     def duration_s(self) -> float:
@@ -181,25 +170,17 @@ def _lagged(drives: np.ndarray, ratio: float | np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class QuickFit:
-    """A record as a two-node network sees them.
+    """A record as a two-node network sees them."""
 
-    Attributes:
-        time_s: Middle of each block [s], shape (block,).
-        fitted_degC: Winding temperature as the network makes it, shape (block,).
-        sd_K: Standard deviation of that, noise left out, shape (block,).
-        rms_K: Root mean square residual over the blocks that count.
-        taus_s: Fast and slow time constant.
-        log_sd: Standard deviation of the logarithm of the slow one [1].
-        response_K_per_J: What a joule in the winding, and one in the body, adds to the winding's
-            temperature in the fast and the slow mode at once, shape (2, 2).
-    """
-
-    time_s: Float[np.ndarray, " block"]
+    time_s: Float[np.ndarray, " block"]  # Middle of each block [s], shape (block,).
+    # Winding temperature as the network makes it, shape (block,).
     fitted_degC: Float[np.ndarray, " block"]
-    sd_K: Float[np.ndarray, " block"]
-    rms_K: float
-    taus_s: tuple[float, float]
-    log_sd: float
+    sd_K: Float[np.ndarray, " block"]  # Standard deviation of that, noise left out, shape (block,).
+    rms_K: float  # Root mean square residual over the blocks that count.
+    taus_s: tuple[float, float]  # Fast and slow time constant.
+    log_sd: float  # Standard deviation of the logarithm of the slow one [1].
+    # What a joule in the winding, and one in the body, adds to the winding's temperature in the
+    # fast and the slow mode at once, shape (2, 2).
     response_K_per_J: Float[np.ndarray, "2 2"]
 
     @property
@@ -319,17 +300,11 @@ def _on_grid(time_s: np.ndarray, edges: np.ndarray, *channels: np.ndarray) -> li
 
 
 class Solved(NamedTuple):
-    """Linear least squares, once for each point of a grid.
+    """Linear least squares, once for each point of a grid."""
 
-    Attributes:
-        solution: Shape (point, column).
-        squares: Sum of squares that is left, penalties included, shape (point,).
-        inverse: Covariance of the solution over the variance of a row, shape (point, column,
-            column).
-    """
-
-    solution: np.ndarray
-    squares: np.ndarray
+    solution: np.ndarray  # Shape (point, column).
+    squares: np.ndarray  # Sum of squares that is left, penalties included, shape (point,).
+    # Covariance of the solution over the variance of a row, shape (point, column, column).
     inverse: np.ndarray
 
 
@@ -400,29 +375,17 @@ def _closed_in(look: _Look) -> _Look:
 
 
 class _Look(NamedTuple):
-    """A grid of pairs of time constants.
+    """A grid of pairs of time constants."""
 
-    Attributes:
-        course: What they are to explain.
-        axes: Fast and slow time constants [s], shape (2, lag).
-        lagged: As `Course.lagged`.
-        pairs: Places of fast and slow lags on their axes, shape (2, pair).
-        pairs_s: Time constants [s], shape (2, pair).
-        found: Solution of each pair, by the columns of `Course.mixed`.
-        weight: Posterior probability of each pair, shape (pair,).
-        log_density: Its largest logarithm, before it is scaled to probabilities.
-        freedom: Independent blocks [1].
-    """
-
-    course: Course
-    axes: np.ndarray
-    lagged: np.ndarray
-    pairs: np.ndarray
-    pairs_s: np.ndarray
-    found: Solved
-    weight: np.ndarray
-    log_density: float
-    freedom: float
+    course: Course  # What they are to explain.
+    axes: np.ndarray  # Fast and slow time constants [s], shape (2, lag).
+    lagged: np.ndarray  # As `Course.lagged`.
+    pairs: np.ndarray  # Places of fast and slow lags on their axes, shape (2, pair).
+    pairs_s: np.ndarray  # Time constants [s], shape (2, pair).
+    found: Solved  # Solution of each pair, by the columns of `Course.mixed`.
+    weight: np.ndarray  # Posterior probability of each pair, shape (pair,).
+    log_density: float  # Its largest logarithm, before it is scaled to probabilities.
+    freedom: float  # Independent blocks [1].
 
 
 def places_of(pairs: np.ndarray) -> np.ndarray:

@@ -5,8 +5,6 @@ powers that they follow from. Where one of them is an amplitude read as rms, or 
 in W, the other one tells.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -74,17 +72,13 @@ SPEEDS = {
 
 @dataclass(frozen=True)
 class Twice:
-    """A quantity that a record may hold twice: as a column of its own, and by a derivation.
+    """A quantity that a record may hold twice: as a column of its own, and by a derivation."""
 
-    Attributes:
-        way: How it follows from other channels.
-        factors: What a ratio of the column to that would mean; {0} is the channel.
-        is_upper: Whether the way gives more than the quantity, by a share that nobody knows: then
-            only a column above it is a contradiction, or one below by a factor of units.
-    """
-
-    way: Derivation
+    way: Derivation  # How it follows from other channels.
+    # What a ratio of the column to that would mean; {0} is the channel.
     factors: Mapping[float, str]
+    # Whether the way gives more than the quantity, by a share that nobody knows: then only a column
+    # above it is a contradiction, or one below by a factor of units.
     is_upper: bool = False
 
 

@@ -1,7 +1,5 @@
 """Does the temperature sensor hang on, or has it come off or broken?"""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

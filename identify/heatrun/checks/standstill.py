@@ -6,8 +6,6 @@ few hertz), so that current, losses and phase resistance must agree, and the los
 current must rise with the temperature as the winding's resistance does.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -63,23 +61,14 @@ FAR = 10.0
 
 @dataclass(frozen=True)
 class Agreement:
-    """What current and resistance say of the power, over all stretches at standstill.
+    """What current and resistance say of the power, over all stretches at standstill."""
 
-    Attributes:
-        ratio: Measured over expected [1].
-        sd: Its standard deviation, of the instruments and of scatter [1].
-        from_s: Begin of the first stretch [s].
-        to_s: End of the last one [s].
-        lasts_s: Time of all stretches together [s].
-        current_A: Root mean square of the current [A].
-    """
-
-    ratio: float
-    sd: float
-    from_s: float
-    to_s: float
-    lasts_s: float
-    current_A: float
+    ratio: float  # Measured over expected [1].
+    sd: float  # Its standard deviation, of the instruments and of scatter [1].
+    from_s: float  # Begin of the first stretch [s].
+    to_s: float  # End of the last one [s].
+    lasts_s: float  # Time of all stretches together [s].
+    current_A: float  # Root mean square of the current [A].
 
     @property
     def agrees(self) -> bool:
@@ -111,21 +100,13 @@ def standstill_losses(record: Record, motor: Motor) -> Iterator[Finding]:
 
 @dataclass(frozen=True)
 class Rise:
-    """A resistance over the temperature of the winding, as a straight line.
+    """A resistance over the temperature of the winding, as a straight line."""
 
-    Attributes:
-        zero_degC: B at which it is no more, as the line says [degC].
-        sd: Relative standard deviation of B + T [1], of the sensor and of scatter.
-        mean_degC: Mean temperature [degC].
-        span_degC: Lowest and highest temperature [degC].
-        ohm: At the mean temperature [ohm].
-    """
-
-    zero_degC: float
-    sd: float
-    mean_degC: float
-    span_degC: tuple[float, float]
-    ohm: float
+    zero_degC: float  # B at which it is no more, as the line says [degC].
+    sd: float  # Relative standard deviation of B + T [1], of the sensor and of scatter.
+    mean_degC: float  # Mean temperature [degC].
+    span_degC: tuple[float, float]  # Lowest and highest temperature [degC].
+    ohm: float  # At the mean temperature [ohm].
 
     def above(self, B: float) -> float:
         """Return its B + T over that of a stated B [1]."""

@@ -4,8 +4,6 @@ Behind it stands what is said of tests that are predicted only, of `[tests.NAME]
 were not given, and of records that were simulated.
 """
 
-from __future__ import annotations
-
 import difflib
 import re
 from collections.abc import Iterable, Iterator, Sequence
@@ -45,18 +43,12 @@ LONGEST_REASON = 140
 
 @dataclass(frozen=True)
 class Suitability:
-    """Whether a record can be calibrated.
+    """Whether a record can be calibrated."""
 
-    Attributes:
-        test: Name of the record.
-        will_do: No error forbids it, it was measured, and the motor file says what the network
-            needs.
-        sentence: The answer with its reason.
-    """
-
-    test: str
+    test: str  # Name of the record.
+    # No error forbids it, it was measured, and the motor file says what the network needs.
     will_do: bool
-    sentence: str
+    sentence: str  # The answer with its reason.
 
 
 def suitability(

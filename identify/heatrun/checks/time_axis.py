@@ -1,7 +1,5 @@
 """Does the clock of the record run forwards, evenly and without holes?"""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 

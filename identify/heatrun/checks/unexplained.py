@@ -11,8 +11,6 @@ that fails early would teach the regression that heat does nothing: so the short
 the record that shows something decides.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -64,25 +62,16 @@ LEAP = 0.3
 
 @dataclass(frozen=True)
 class Movement:
-    """A movement of the reading that no heat explains.
+    """A movement of the reading that no heat explains."""
 
-    Attributes:
-        from_s: Last time at which the reading was that of the winding [s].
-        to_s: Time at which it has moved [s].
-        from_degC: Reading before [degC].
-        to_degC: Reading after [degC].
-        expected_K: What heat makes of it in that time [K].
-        until_s: Last time before the reading is back; the record's last if it does not come back.
-        is_back: Whether it comes back.
-    """
-
-    from_s: float
-    to_s: float
-    from_degC: float
-    to_degC: float
-    expected_K: float
+    from_s: float  # Last time at which the reading was that of the winding [s].
+    to_s: float  # Time at which it has moved [s].
+    from_degC: float  # Reading before [degC].
+    to_degC: float  # Reading after [degC].
+    expected_K: float  # What heat makes of it in that time [K].
+    # Last time before the reading is back; the record's last if it does not come back.
     until_s: float
-    is_back: bool
+    is_back: bool  # Whether it comes back.
 
 
 def unexplained_movement(record: Record, motor: Motor) -> Movement | None:
@@ -101,25 +90,16 @@ def unexplained_movement(record: Record, motor: Motor) -> Movement | None:
 
 @dataclass(frozen=True)
 class _Course:
-    """Reading and lagged heat on an even grid of times.
+    """Reading and lagged heat on an even grid of times."""
 
-    Attributes:
-        time_s: Times [s], shape (cell,).
-        reading: The winding [degC], shape (cell,).
-        terms: What may explain it, scaled, shape (cell, term).
-        is_known: Whether the cell before is a sample away and not behind a gap, shape (cell,).
-        widths: Cells of each window.
-        step_K: Rounding of the reading [K].
-        from_cell: First cell under load.
-    """
-
-    time_s: np.ndarray
-    reading: np.ndarray
-    terms: np.ndarray
+    time_s: np.ndarray  # Times [s], shape (cell,).
+    reading: np.ndarray  # The winding [degC], shape (cell,).
+    terms: np.ndarray  # What may explain it, scaled, shape (cell, term).
+    # Whether the cell before is a sample away and not behind a gap, shape (cell,).
     is_known: np.ndarray
-    widths: tuple[int, ...]
-    step_K: float
-    from_cell: int
+    widths: tuple[int, ...]  # Cells of each window.
+    step_K: float  # Rounding of the reading [K].
+    from_cell: int  # First cell under load.
 
     @property
     def near(self) -> int:

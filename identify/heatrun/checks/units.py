@@ -1,7 +1,5 @@
 """Are the temperatures in degrees Celsius, and can the sink be what it is called?"""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -9,8 +9,6 @@ tenths, by a warning where it is as likely as not that something is wrong. What 
 itself decides is told one step milder: that question is answered. Nothing is ever applied.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -97,29 +95,19 @@ MILDER: dict[Severity, Severity] = {"error": "warning", "warning": "note", "note
 
 @dataclass(frozen=True)
 class OtherReading:
-    """One way in which the inputs may have been misread.
+    """One way in which the inputs may have been misread."""
 
-    Attributes:
-        units: The other unit of each channel that is read otherwise; none for the motor file.
-        factor: New value over present one [1].
-        prior: Prior odds against all being right [1].
-        record: The record as it would be.
-        motor: The motor as it would be.
-        readings: How the columns were read; empty where that is not known.
-        sentence: What is supposed of the motor file, or of the instrument.
-        of: What the factor is one of, where no unit is another one.
-        remedy: What to do about it then.
-    """
-
+    # The other unit of each channel that is read otherwise; none for the motor file.
     units: Mapping[str, str]
-    factor: float
-    prior: float
-    record: Record
-    motor: Motor
+    factor: float  # New value over present one [1].
+    prior: float  # Prior odds against all being right [1].
+    record: Record  # The record as it would be.
+    motor: Motor  # The motor as it would be.
+    # How the columns were read; empty where that is not known.
     readings: tuple[ColumnReading, ...] = ()
-    sentence: str = ""
-    of: str = "phase_resistance_ohm"
-    remedy: str = "correct phase_resistance_ohm in [winding]"
+    sentence: str = ""  # What is supposed of the motor file, or of the instrument.
+    of: str = "phase_resistance_ohm"  # What the factor is one of, where no unit is another one.
+    remedy: str = "correct phase_resistance_ohm in [winding]"  # What to do about it then.
 
     @property
     def name(self) -> str:

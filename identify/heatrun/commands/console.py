@@ -1,7 +1,5 @@
 """What the commands say on the terminal, their exit codes, and their end by Ctrl-C."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -1,7 +1,5 @@
 """`heatrun demo`: the main job on bundled data."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """`heatrun discover`: where model and measurement disagree, and which effect is missing."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`heatrun export`: a run's model and record for other programs, drives and simulators."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

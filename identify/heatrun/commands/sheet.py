@@ -1,7 +1,5 @@
 """`heatrun sheet`: regenerate the certificate and the parameter sheet of a run."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """`heatrun simulate`: a virtual prototype's record."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Arguments that several commands share, and their parser, which takes files behind options too."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterable
 from pathlib import Path

@@ -127,30 +127,18 @@ machine's own law has another exponent, a threshold, a lag."""
 
 @dataclass(frozen=True)
 class Adequacy:
-    """What is left by a model.
+    """What is left by a model."""
 
-    Attributes:
-        excess: Mean squared normalised window mean of the whitened residuals [1]; 1 if white.
-        is_excessive: Whether that is above its limit.
-        correlation_s: Correlation time of the residuals, without a limit [s].
-        misfit_K: Root mean square of what is slow, less what noise would leave [K].
-        rmse_K: Root mean square of all residuals of the same fit, slow and fast [K].
-        window_s: Length of the means that count as slow [s].
-        noise_K: Standard deviation of the noise of a block mean [K].
-        closed_K: Gap that the effects in the model have closed [K].
-        channel: The sensor whose slow misfit is largest; misfit and error are its.
-        winding_rmse_K: The error of the winding, where that of another sensor is told [K].
-    """
-
-    excess: float
-    is_excessive: bool
-    correlation_s: float
-    misfit_K: float
-    rmse_K: float
-    window_s: float
-    noise_K: float
-    closed_K: float = 0.0
-    channel: str = WINDING
+    excess: float  # Mean squared normalised window mean of the whitened residuals [1]; 1 if white.
+    is_excessive: bool  # Whether that is above its limit.
+    correlation_s: float  # Correlation time of the residuals, without a limit [s].
+    misfit_K: float  # Root mean square of what is slow, less what noise would leave [K].
+    rmse_K: float  # Root mean square of all residuals of the same fit, slow and fast [K].
+    window_s: float  # Length of the means that count as slow [s].
+    noise_K: float  # Standard deviation of the noise of a block mean [K].
+    closed_K: float = 0.0  # Gap that the effects in the model have closed [K].
+    channel: str = WINDING  # The sensor whose slow misfit is largest; misfit and error are its.
+    # The error of the winding, where that of another sensor is told [K].
     winding_rmse_K: float | None = None
 
     @property
@@ -236,15 +224,10 @@ anything [1]: half of them. One constant load shows 14 to 38 %, a staircase 52 %
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is concluded.
+    """What is concluded."""
 
-    Attributes:
-        word: One of the five verdicts.
-        sentence: What it means here.
-    """
-
-    word: VerdictWord
-    sentence: str
+    word: VerdictWord  # One of the five verdicts.
+    sentence: str  # What it means here.
 
 
 def verdict(
@@ -296,33 +279,20 @@ def verdict(
 
 @dataclass(frozen=True)
 class Discovery:
-    """Everything that a discovery found.
+    """Everything that a discovery found."""
 
-    Attributes:
-        asked: Which effects the tests ask for.
-        screened: Which small ones the network may lack.
-        left: The network alone and with the effects, fitted without unmodelled heat.
-        left_out_K: Errors of both on parts of the tests left out [K].
-        before: Adequacy of the network alone.
-        after: Adequacy of the network with the effects.
-        where_before: What the network alone misses.
-        where_after: What the network with the effects misses.
-        verdict: In a word.
-        next_test: The test that would separate what is tied; None if nothing is.
-        seconds: Time of each stage [s].
-    """
-
-    asked: Found
-    screened: SmallEffects | None
+    asked: Found  # Which effects the tests ask for.
+    screened: SmallEffects | None  # Which small ones the network may lack.
+    # The network alone and with the effects, fitted without unmodelled heat.
     left: tuple[Refit, Refit]
-    left_out_K: tuple[float, float]
-    before: Adequacy
-    after: Adequacy
-    where_before: Where
-    where_after: Where
-    verdict: Verdict
-    next_test: NextTest | None
-    seconds: dict[str, float]
+    left_out_K: tuple[float, float]  # Errors of both on parts of the tests left out [K].
+    before: Adequacy  # Adequacy of the network alone.
+    after: Adequacy  # Adequacy of the network with the effects.
+    where_before: Where  # What the network alone misses.
+    where_after: Where  # What the network with the effects misses.
+    verdict: Verdict  # In a word.
+    next_test: NextTest | None  # The test that would separate what is tied; None if nothing is.
+    seconds: dict[str, float]  # Time of each stage [s].
 
 
 def tell(

@@ -35,19 +35,15 @@ SENSOR = "sensor"
 
 @dataclass(frozen=True)
 class Response:
-    """Derivatives of the block means of one test.
+    """Derivatives of the block means of one test."""
 
-    Attributes:
-        knots: Times at which the heat is given; between them it runs straight [s], shape (knot,).
-        columns: By node: derivative of the block means by the heat at each knot [K/W], shape
-            (block, knot), of the winding and then of each body that is fitted; for `SENSOR` by
-            the error of the winding's reading [K/K].
-        rise: Winding above the sink, mean over each block [K].
-    """
-
+    # Times at which the heat is given; between them it runs straight [s], shape (knot,).
     knots: Float[np.ndarray, " knot"]
+    # By node: derivative of the block means by the heat at each knot [K/W], shape (block, knot), of
+    # the winding and then of each body that is fitted; for `SENSOR` by the error of the winding's
+    # reading [K/K].
     columns: dict[str, Float[np.ndarray, "block knot"]]
-    rise: Float[np.ndarray, " block"]
+    rise: Float[np.ndarray, " block"]  # Winding above the sink, mean over each block [K].
 
 
 def respond(model: Model, values: Values, test: Blocks, spacing_s: float) -> Response:
@@ -213,23 +209,14 @@ OCCAM = 3.0
 
 @dataclass(frozen=True)
 class Course:
-    """What is missing at one node over one test.
+    """What is missing at one node over one test."""
 
-    Attributes:
-        test: Index of the test.
-        node: Node, or `"sensor"`.
-        time_s: Times of the knots [s].
-        mean: Missing heat [W], or error of the reading [K].
-        sd: Its standard deviation.
-        covariance: Of the knots.
-    """
-
-    test: int
-    node: str
-    time_s: Float[np.ndarray, " knot"]
-    mean: Float[np.ndarray, " knot"]
-    sd: Float[np.ndarray, " knot"]
-    covariance: Float[np.ndarray, "knot knot"]
+    test: int  # Index of the test.
+    node: str  # Node, or `"sensor"`.
+    time_s: Float[np.ndarray, " knot"]  # Times of the knots [s].
+    mean: Float[np.ndarray, " knot"]  # Missing heat [W], or error of the reading [K].
+    sd: Float[np.ndarray, " knot"]  # Its standard deviation.
+    covariance: Float[np.ndarray, "knot knot"]  # Of the knots.
 
     @property
     def unit(self) -> str:
@@ -239,41 +226,25 @@ class Course:
 
 @dataclass(frozen=True)
 class Span:
-    """A stretch of time in which something is missing.
+    """A stretch of time in which something is missing."""
 
-    Attributes:
-        test: Name of the test.
-        from_s: Its begin [s].
-        to_s: Its end [s].
-        node: Node, or `"sensor"`.
-        missing: Mean missing heat [W], or error of the reading [K].
-        interval_95: Its 95 % interval.
-    """
-
-    test: str
-    from_s: float
-    to_s: float
-    node: str
-    missing: float
-    interval_95: tuple[float, float]
+    test: str  # Name of the test.
+    from_s: float  # Its begin [s].
+    to_s: float  # Its end [s].
+    node: str  # Node, or `"sensor"`.
+    missing: float  # Mean missing heat [W], or error of the reading [K].
+    interval_95: tuple[float, float]  # Its 95 % interval.
 
 
 @dataclass(frozen=True)
 class Where:
-    """What is missing, where and when.
+    """What is missing, where and when."""
 
-    Attributes:
-        courses: By test and node.
-        spans: The significant ones, by test and time.
-        log_evidence: Of each set of nodes, relative to none [nat].
-        node: Set of nodes that the evidence favours; empty if nothing is missing.
-        dependence: Correlation of the missing heat with what drives it, by node and driver [1].
-    """
-
-    courses: list[Course]
-    spans: list[Span]
-    log_evidence: dict[str, float]
-    node: tuple[str, ...]
+    courses: list[Course]  # By test and node.
+    spans: list[Span]  # The significant ones, by test and time.
+    log_evidence: dict[str, float]  # Of each set of nodes, relative to none [nat].
+    node: tuple[str, ...]  # Set of nodes that the evidence favours; empty if nothing is missing.
+    # Correlation of the missing heat with what drives it, by node and driver [1].
     dependence: dict[str, dict[str, float]]
 
 

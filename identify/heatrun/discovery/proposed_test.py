@@ -1,7 +1,5 @@
 """The bench test that would tell tied effects apart, in minutes, A and rpm, and how clearly."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -17,17 +15,11 @@ from ..record.blocks import Blocks
 
 @dataclass(frozen=True)
 class Stretch:
-    """A stretch of constant load.
+    """A stretch of constant load."""
 
-    Attributes:
-        share: Of the duration of the test [1].
-        current: In parts of the largest current of the records [1].
-        speed: In parts of their largest speed [1].
-    """
-
-    share: float
-    current: float
-    speed: float
+    share: float  # Of the duration of the test [1].
+    current: float  # In parts of the largest current of the records [1].
+    speed: float  # In parts of their largest speed [1].
 
 
 DUTIES: dict[str, tuple[Stretch, ...]] = {
@@ -149,21 +141,13 @@ MARGIN_K = 20.0
 
 @dataclass(frozen=True)
 class NextTest:
-    """A test to be run.
+    """A test to be run."""
 
-    Attributes:
-        separates: Ids of the tied effects.
-        what: What is done, in a sentence.
-        profile: Minutes, amperes and rpm of each stretch.
-        start: How the machine is at the start.
-        expected_log_bayes_factor: Between the two that are hardest to tell apart [nat].
-    """
-
-    separates: tuple[str, ...]
-    what: str
-    profile: list[dict[str, float]]
-    start: str
-    expected_log_bayes_factor: float
+    separates: tuple[str, ...]  # Ids of the tied effects.
+    what: str  # What is done, in a sentence.
+    profile: list[dict[str, float]]  # Minutes, amperes and rpm of each stretch.
+    start: str  # How the machine is at the start.
+    expected_log_bayes_factor: float  # Between the two that are hardest to tell apart [nat].
 
 
 def next_test(engine: Engine, names: tuple[str, ...], fits: Sequence[Refit]) -> NextTest | None:

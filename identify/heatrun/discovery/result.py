@@ -1,7 +1,5 @@
 """The result of a discovery as `discovery.json` holds it, and what became of every effect."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 

@@ -71,25 +71,17 @@ BOUNDED = ("effect", "known")
 
 @dataclass(frozen=True)
 class Refit:
-    """A least-squares fit of some parameters under a given noise.
+    """A least-squares fit of some parameters under a given noise."""
 
-    Attributes:
-        free: Indices of the free slots, in order.
-        z: Scores of all slots, shape (slot,).
-        residual: Measured minus modelled block means, all tests in a row [K].
-        jacobian: Its derivative by the free slots [K per score], shape (block, free).
-        chi2: Sum of squares of whitened residuals and free scores [1].
-        log_det: Log determinant of the posterior precision of the free scores [1].
-        noise: The noise.
-    """
-
-    free: tuple[int, ...]
-    z: Float[np.ndarray, " slot"]
+    free: tuple[int, ...]  # Indices of the free slots, in order.
+    z: Float[np.ndarray, " slot"]  # Scores of all slots, shape (slot,).
+    # Measured minus modelled block means, all tests in a row [K].
     residual: Float[np.ndarray, " block"]
+    # Its derivative by the free slots [K per score], shape (block, free).
     jacobian: Float[np.ndarray, "block free"]
-    chi2: float
-    log_det: float
-    noise: Noise
+    chi2: float  # Sum of squares of whitened residuals and free scores [1].
+    log_det: float  # Log determinant of the posterior precision of the free scores [1].
+    noise: Noise  # The noise.
 
     @property
     def log_evidence(self) -> float:
@@ -453,14 +445,10 @@ def placed(engine: Engine, fit: Fit) -> tuple[np.ndarray, list[int]]:
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect that could be missing; an event counts once for each test.
+    """An effect that could be missing; an event counts once for each test."""
 
-    Attributes:
-        kind: The effect.
-        test: Index of the test that an event happens in; None for all other effects.
-    """
-
-    kind: type[AbstractEffect]
+    kind: type[AbstractEffect]  # The effect.
+    # Index of the test that an event happens in; None for all other effects.
     test: int | None = None
 
     def __hash__(self) -> int:
@@ -479,17 +467,11 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Library:
-    """What is searched, and what cannot be.
+    """What is searched, and what cannot be."""
 
-    Attributes:
-        kinds: Effects that the tests have the inputs for, in order.
-        candidates: These as candidates.
-        unavailable: Reason by id why an effect is not searched.
-    """
-
-    kinds: tuple[type[AbstractEffect], ...]
-    candidates: tuple[Candidate, ...]
-    unavailable: dict[str, str]
+    kinds: tuple[type[AbstractEffect], ...]  # Effects that the tests have the inputs for, in order.
+    candidates: tuple[Candidate, ...]  # These as candidates.
+    unavailable: dict[str, str]  # Reason by id why an effect is not searched.
 
 
 def library(

@@ -1,7 +1,5 @@
 """What a search for effects has found: the network that the tests ask for, and its rivals."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -71,26 +69,19 @@ MOST_FROM_FAR = 25
 
 @dataclass(frozen=True)
 class Found:
-    """Networks with effects, each fitted and weighed by its evidence.
+    """Networks with effects, each fitted and weighed by its evidence."""
 
-    Attributes:
-        library: What was searched, and what could not be.
-        search: The fitted sets.
-        best: The most probable set.
-        core: The set near it that the coarse evidence asks for: these effects are named.
-        around: The core, and the sets that could be in its place, with probabilities [1].
-        full: The most probable set that holds the core, which is in the model: what it has beside
-            the core the tests ask for, though not beyond doubt. Left out, it would be taken up by
-            the network's parameters.
-        fits: The network alone and the network with the full set, as fits that can be sampled.
-    """
-
-    library: Library
-    search: Search
-    best: Member
-    core: Member
+    library: Library  # What was searched, and what could not be.
+    search: Search  # The fitted sets.
+    best: Member  # The most probable set.
+    core: Member  # The set near it that the coarse evidence asks for: these effects are named.
+    # The core, and the sets that could be in its place, with probabilities [1].
     around: Mapping[Set, float]
+    # The most probable set that holds the core, which is in the model: what it has beside the core
+    # the tests ask for, though not beyond doubt. Left out, it would be taken up by the network's
+    # parameters.
     full: Member
+    # The network alone and the network with the full set, as fits that can be sampled.
     fits: tuple[Fit, Fit]
 
     @property

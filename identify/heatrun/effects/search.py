@@ -77,27 +77,19 @@ POSSIBLE = 0.05
 
 @dataclass(frozen=True)
 class Member:
-    """The network with a set of effects, fitted with a noise of its own.
+    """The network with a set of effects, fitted with a noise of its own."""
 
-    Attributes:
-        effects: The set.
-        free: Slots that are fitted.
-        z: Scores of all slots, NaN for those of absent effects, shape (slot,).
-        noise_z: Scores of noise and unmodelled heat.
-        residual: Measured minus modelled block means, all tests in a row [K].
-        jacobian: Its derivative by the free slots [K per score], shape (block, free).
-        log_evidence: Marginal likelihood, up to what all sets share [nat].
-        log_weight: The same with the odds of the effects before the tests have spoken [nat].
-    """
-
-    effects: Set
-    free: tuple[int, ...]
+    effects: Set  # The set.
+    free: tuple[int, ...]  # Slots that are fitted.
+    # Scores of all slots, NaN for those of absent effects, shape (slot,).
     z: Float[np.ndarray, " slot"]
-    noise_z: Float[np.ndarray, " noise"]
+    noise_z: Float[np.ndarray, " noise"]  # Scores of noise and unmodelled heat.
+    # Measured minus modelled block means, all tests in a row [K].
     residual: Float[np.ndarray, " block"]
+    # Its derivative by the free slots [K per score], shape (block, free).
     jacobian: Float[np.ndarray, "block free"]
-    log_evidence: float
-    log_weight: float
+    log_evidence: float  # Marginal likelihood, up to what all sets share [nat].
+    log_weight: float  # The same with the odds of the effects before the tests have spoken [nat].
 
     @property
     def ids(self) -> tuple[str, ...]:
@@ -107,19 +99,14 @@ class Member:
 
 @dataclass
 class Search:
-    """Sets of effects that have been fitted, and the means to fit more.
+    """Sets of effects that have been fitted, and the means to fit more."""
 
-    Attributes:
-        engine: The network with all effects, none of which is searched by its parameters' roles.
-        candidates: Those that may be absent.
-        base: Slots of the network without them; by default all that are none of theirs.
-        fitted: The best fit of each set.
-    """
-
+    # The network with all effects, none of which is searched by its parameters' roles.
     engine: Engine
-    candidates: Sequence[Candidate]
+    candidates: Sequence[Candidate]  # Those that may be absent.
+    # Slots of the network without them; by default all that are none of theirs.
     base: tuple[int, ...] = ()
-    fitted: dict[Set, Member] = field(default_factory=dict)
+    fitted: dict[Set, Member] = field(default_factory=dict)  # The best fit of each set.
     _reached: dict[Set, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -81,20 +81,15 @@ four-wire measurement."""
 
 @dataclass(frozen=True)
 class Sight:
-    """What tests show of an effect that the network lacks.
+    """What tests show of an effect that the network lacks."""
 
-    Attributes:
-        candidate: The effect.
-        visibility: The usual size over the standard deviation that the tests leave it [1].
-        visible_K: What an effect of that size leaves when all else is fitted anew, root mean
-            square as `Engine.rms_K` [K].
-        log_bayes: Log Bayes factor of a small one over none where no heat is unmodelled, by the
-            linear evidence [nat].
-    """
-
-    candidate: Candidate
-    visibility: float
+    candidate: Candidate  # The effect.
+    visibility: float  # The usual size over the standard deviation that the tests leave it [1].
+    # What an effect of that size leaves when all else is fitted anew, root mean square as
+    # `Engine.rms_K` [K].
     visible_K: float
+    # Log Bayes factor of a small one over none where no heat is unmodelled, by the linear evidence
+    # [nat].
     log_bayes: float
 
     @property
@@ -105,24 +100,18 @@ class Sight:
 
 @dataclass(frozen=True)
 class SmallEffects:
-    """What a fitted network may lack.
+    """What a fitted network may lack."""
 
-    Attributes:
-        p: Bound of the chance that clean tests ask as loudly for any small effect [1].
-        log_bayes: Log Bayes factor by effect of a small one over none [nat].
-        effects: Small effects with their probabilities, the most probable first.
-        size: Draws of their sizes, over those of `with_effect` [1]; zero where one is not there.
-        turn: What these sizes do to the fit's parameters: a resistance that an effect scales
-            stands for its mean over the tests [scores], shape (parameter, effect).
-        sights: Of all effects that the network lacks, the best first.
-    """
-
-    p: float
-    log_bayes: tuple[float, ...]
+    p: float  # Bound of the chance that clean tests ask as loudly for any small effect [1].
+    log_bayes: tuple[float, ...]  # Log Bayes factor by effect of a small one over none [nat].
+    # Small effects with their probabilities, the most probable first.
     effects: tuple[PlausibleEffect, ...]
+    # Draws of their sizes, over those of `with_effect` [1]; zero where one is not there.
     size: Float[np.ndarray, "draw effect"]
+    # What these sizes do to the fit's parameters: a resistance that an effect scales stands for its
+    # mean over the tests [scores], shape (parameter, effect).
     turn: Float[np.ndarray, "parameter effect"]
-    sights: tuple[Sight, ...] = ()
+    sights: tuple[Sight, ...] = ()  # Of all effects that the network lacks, the best first.
 
     @property
     def is_seen(self) -> bool:
@@ -137,21 +126,13 @@ class SmallEffects:
 
 @dataclass(frozen=True)
 class _Column:
-    """What an effect of the usual size does around the fit.
+    """What an effect of the usual size does around the fit."""
 
-    Attributes:
-        candidate: The effect.
-        size: At which it was linearised, over the usual one; zero where it has two signs [1].
-        per_size: Its slopes by its slots: scores per usual size.
-        change: Of the residuals [K].
-        at: Scores of its slots there.
-    """
-
-    candidate: Candidate
-    size: float
-    per_size: list[float]
-    change: Float[np.ndarray, " block"]
-    at: Float[np.ndarray, " slot"]
+    candidate: Candidate  # The effect.
+    size: float  # At which it was linearised, over the usual one; zero where it has two signs [1].
+    per_size: list[float]  # Its slopes by its slots: scores per usual size.
+    change: Float[np.ndarray, " block"]  # Of the residuals [K].
+    at: Float[np.ndarray, " slot"]  # Scores of its slots there.
 
 
 def small_effects(
@@ -236,19 +217,12 @@ def _by_evidence(
 
 @dataclass(frozen=True)
 class _Around:
-    """The linear model around a fit: the network's parameters, and small effects beside it.
+    """The linear model around a fit: the network's parameters, and small effects beside it."""
 
-    Attributes:
-        engine: The tests.
-        alone: The fit.
-        changes: By the effects, per usual size [K].
-        one_sign: Whether an effect cannot fall below zero.
-    """
-
-    engine: Engine
-    alone: Member
-    changes: Float[np.ndarray, "block effect"]
-    one_sign: Bool[np.ndarray, " effect"]
+    engine: Engine  # The tests.
+    alone: Member  # The fit.
+    changes: Float[np.ndarray, "block effect"]  # By the effects, per usual size [K].
+    one_sign: Bool[np.ndarray, " effect"]  # Whether an effect cannot fall below zero.
 
     @property
     def z(self) -> Float[np.ndarray, " parameter"]:

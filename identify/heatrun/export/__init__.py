@@ -1,7 +1,5 @@
 """A run's model for other programs: Simulink, MATLAB, Octave; C; FMI; Modelica; drives; MuJoCo."""
 
-from __future__ import annotations
-
 from .drive import export_drive
 from .mat import export_mat, export_test, mat_bytes
 from .network_course import Course, NetworkCourse, simulate_network, simulate_variables

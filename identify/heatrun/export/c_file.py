@@ -144,24 +144,15 @@ def refuse_lawless(ids: Iterable[str], where: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class CSource:
-    """A network as C.
+    """A network as C."""
 
-    Attributes:
-        of_run: The variables of `network.mat`, as `read_network` gives them.
-        missed: What the observer knows of noise and missed heat.
-        said: Words in the comment: run, sha256, machine, network, corrections.
-        step: Length of a step [s].
-        parts: Number of parts of a step.
-        cold: Resistance of the circuit whose resistance tells the winding's temperature, without
-            leads, at the reference temperature, and of its leads [ohm]; the first is 0 where the
-            machine has none.
-    """
-
-    of_run: Mapping[str, Any]
-    missed: Missed
-    said: Mapping[str, str]
-    step: float
-    parts: int
+    of_run: Mapping[str, Any]  # The variables of `network.mat`, as `read_network` gives them.
+    missed: Missed  # What the observer knows of noise and missed heat.
+    said: Mapping[str, str]  # Words in the comment: run, sha256, machine, network, corrections.
+    step: float  # Length of a step [s].
+    parts: int  # Number of parts of a step.
+    # Resistance of the circuit whose resistance tells the winding's temperature, without leads, at
+    # the reference temperature, and of its leads [ohm]; the first is 0 where the machine has none.
     cold: tuple[float, float] = (0.0, 0.0)
 
     @classmethod

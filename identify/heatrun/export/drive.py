@@ -3,8 +3,6 @@
 The names of makers, firmware and vehicle signals are those of the sources that stand beside them.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

@@ -7,8 +7,6 @@ Reference: Functional Mock-up Interface Specification 3.0; System Structure and 
     1.0 (Modelica Association).
 """
 
-from __future__ import annotations
-
 import hashlib
 import re
 import subprocess
@@ -56,25 +54,15 @@ TEMPERATURES = (-100.0, 500.0)
 
 
 class Variable(NamedTuple):
-    """A variable of the FMU; its value reference is its place in their list.
+    """A variable of the FMU; its value reference is its place in their list."""
 
-    Attributes:
-        name: As other programs see it.
-        member: Where it stands in the C.
-        causality: As FMI has it.
-        unit: Its unit, `"1"` for none.
-        meaning: What it is.
-        start: Value at the start [unit].
-        bounds: Least and largest value [unit].
-    """
-
-    name: str
-    member: str
-    causality: str
-    unit: str
-    meaning: str
-    start: float = 0.0
-    bounds: tuple[float, float] = (-1e300, 1e300)
+    name: str  # As other programs see it.
+    member: str  # Where it stands in the C.
+    causality: str  # As FMI has it.
+    unit: str  # Its unit, `"1"` for none.
+    meaning: str  # What it is.
+    start: float = 0.0  # Value at the start [unit].
+    bounds: tuple[float, float] = (-1e300, 1e300)  # Least and largest value [unit].
 
 
 def fmu_files(source: CSource, parameters: Sequence[Entry]) -> dict[str, bytes]:

@@ -4,8 +4,6 @@ The file is the thesis' own or that of any network with effects; nothing in its 
 cannot be made again.
 """
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Callable, Iterable, Mapping
@@ -70,36 +68,26 @@ Variables = dict[str, Any]
 
 @dataclass(frozen=True)
 class Simulated:
-    """What the variables of a file give, at the samples.
+    """What the variables of a file give, at the samples."""
 
-    Attributes:
-        winding: Temperature of the node that the winding's sensor sits in [degC], shape (time,).
-        reading: What the sensor of the run would read [degC], shape (time,).
-    """
-
+    # Temperature of the node that the winding's sensor sits in [degC], shape (time,).
     winding: np.ndarray
-    reading: np.ndarray
+    reading: np.ndarray  # What the sensor of the run would read [degC], shape (time,).
 
 
 @dataclass(frozen=True)
 class Contents:
-    """A MAT file with its scripts.
+    """A MAT file with its scripts."""
 
-    Attributes:
-        file: Name of the MAT file.
-        scripts: Names of the scripts that go beside it, first the one that integrates it.
-        units: Unit of each variable that there may be.
-        variables: Gives the variables of a test, and notes on them.
-        corrected: Gives the variables with the corrections of the run and what the shaft does.
-        simulated: What `lptn` makes of the variables.
-    """
-
-    file: str
+    file: str  # Name of the MAT file.
+    # Names of the scripts that go beside it, first the one that integrates it.
     scripts: tuple[str, ...]
-    units: Mapping[str, str]
+    units: Mapping[str, str]  # Unit of each variable that there may be.
+    # Gives the variables of a test, and notes on them.
     variables: Callable[[RunAndTest], tuple[Variables, tuple[str, ...]]]
+    # Gives the variables with the corrections of the run and what the shaft does.
     corrected: Callable[[Variables, Corrections, Shaft], Variables]
-    simulated: Callable[[Variables, Corrections], Simulated]
+    simulated: Callable[[Variables, Corrections], Simulated]  # What `lptn` makes of the variables.
 
 
 def contents_of(found: RunAndTest) -> Contents:

@@ -30,37 +30,24 @@ POWER = ("power_gain", *OWN, *map(own_name, OWN))
 
 @dataclass(frozen=True)
 class Missed:
-    """What the observer knows of noise, of heat that the network misses, and of constant errors.
+    """What the observer knows of noise, of heat that the network misses, and of constant errors."""
 
-    Attributes:
-        heat: Standard deviation of the heat over the mean loss [1].
-        heat_s: Its correlation time [s].
-        slow_K: Standard deviation of the slow part of the readings' noise [K]; no larger than a
-            sensor's constant error may be.
-        slow_s: Its correlation time [s].
-        white_K: Standard deviation of the white part in a mean of `BLOCK_S` [K].
-        sensor_K: Standard deviation of the constant error of the sensor [K].
-        sink_K: Standard deviation of a temperature from the parameters that there is without a rise
-            [K].
-        share: That of a rise from the parameters, over the rise [1].
-        losses: That of the losses that are passed, over the losses [1].
-        resolution_K: Step of the readings [K].
-        answer: Standard deviation of a change soon after a step of the load, over the change [1].
-        misfit_K: That of what the network misses with the time of `slow_K` [K].
-    """
-
-    heat: float
-    heat_s: float
+    heat: float  # Standard deviation of the heat over the mean loss [1].
+    heat_s: float  # Its correlation time [s].
+    # Standard deviation of the slow part of the readings' noise [K]; no larger than a sensor's
+    # constant error may be.
     slow_K: float
-    slow_s: float
-    white_K: float
-    sensor_K: float
+    slow_s: float  # Its correlation time [s].
+    white_K: float  # Standard deviation of the white part in a mean of `BLOCK_S` [K].
+    sensor_K: float  # Standard deviation of the constant error of the sensor [K].
+    # Standard deviation of a temperature from the parameters that there is without a rise [K].
     sink_K: float = 0.0
-    share: float = 0.0
-    losses: float = 0.0
-    resolution_K: float = 0.0
+    share: float = 0.0  # That of a rise from the parameters, over the rise [1].
+    losses: float = 0.0  # That of the losses that are passed, over the losses [1].
+    resolution_K: float = 0.0  # Step of the readings [K].
+    # Standard deviation of a change soon after a step of the load, over the change [1].
     answer: float = 0.0
-    misfit_K: float = 0.0
+    misfit_K: float = 0.0  # That of what the network misses with the time of `slow_K` [K].
 
     @classmethod
     def of(

@@ -4,8 +4,6 @@ what the load does to them.
 Reference: Modelica Standard Library 4, Modelica.Thermal.HeatTransfer.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence

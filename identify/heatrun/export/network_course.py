@@ -39,19 +39,12 @@ fastest time constant: means over a step then stand for straight lines to 1e-4 o
 
 @dataclass(frozen=True)
 class Grid:
-    """Steps that split each interval between two samples evenly.
+    """Steps that split each interval between two samples evenly."""
 
-    Attributes:
-        time: Time of the samples [s], shape (sample,).
-        step: Length of the steps [s], shape (step,).
-        first: Number of the edge at which each sample lies, shape (sample,).
-        middle: Middle of the steps [s], shape (step,).
-    """
-
-    time: np.ndarray
-    step: np.ndarray
-    first: np.ndarray
-    middle: np.ndarray
+    time: np.ndarray  # Time of the samples [s], shape (sample,).
+    step: np.ndarray  # Length of the steps [s], shape (step,).
+    first: np.ndarray  # Number of the edge at which each sample lies, shape (sample,).
+    middle: np.ndarray  # Middle of the steps [s], shape (step,).
 
     @classmethod
     def of(cls, time: np.ndarray, longest: float) -> Grid:
@@ -76,15 +69,10 @@ class Grid:
 
 @dataclass(frozen=True)
 class Held:
-    """Steps over which the inputs are held, each split evenly.
+    """Steps over which the inputs are held, each split evenly."""
 
-    Attributes:
-        step: Length of the parts [s], shape (part,).
-        parts: Number of parts of a step.
-    """
-
-    step: np.ndarray
-    parts: int
+    step: np.ndarray  # Length of the parts [s], shape (part,).
+    parts: int  # Number of parts of a step.
 
     def mean(self, values: np.ndarray) -> jnp.ndarray:
         """Return values of the steps, shape (step,), at the parts, shape (part,)."""
@@ -93,17 +81,11 @@ class Held:
 
 @dataclass(frozen=True)
 class Course:
-    """Temperatures at the samples of a record.
+    """Temperatures at the samples of a record."""
 
-    Attributes:
-        time: Time of the samples [s], shape (time,).
-        winding: Winding [degC], shape (time,).
-        stator: Stator [degC], shape (time,); None in the first order.
-    """
-
-    time: np.ndarray
-    winding: np.ndarray
-    stator: np.ndarray | None
+    time: np.ndarray  # Time of the samples [s], shape (time,).
+    winding: np.ndarray  # Winding [degC], shape (time,).
+    stator: np.ndarray | None  # Stator [degC], shape (time,); None in the first order.
 
     def rmse(self, measured: np.ndarray) -> float:
         """Return the RMSE of the winding to readings [K]; NaN marks a sample without one.
@@ -166,20 +148,14 @@ temperature at a hard step of load below 1e-3 K."""
 
 @dataclass(frozen=True)
 class NetworkCourse:
-    """Temperatures at the samples of a record.
+    """Temperatures at the samples of a record."""
 
-    Attributes:
-        time: Time of the samples [s], shape (time,).
-        temperature: Temperature by node, those of effects included [degC], shape (time,).
-        sensed: Temperature of the node that the sensor sits in [degC], shape (time,).
-        reading: What the sensor reads [degC], shape (time,).
-        measured: Readings of the record [degC], shape (time,); NaN where nothing was read.
-    """
-
-    time: np.ndarray
+    time: np.ndarray  # Time of the samples [s], shape (time,).
+    # Temperature by node, those of effects included [degC], shape (time,).
     temperature: Mapping[str, np.ndarray]
-    sensed: np.ndarray
-    reading: np.ndarray
+    sensed: np.ndarray  # Temperature of the node that the sensor sits in [degC], shape (time,).
+    reading: np.ndarray  # What the sensor reads [degC], shape (time,).
+    # Readings of the record [degC], shape (time,); NaN where nothing was read.
     measured: np.ndarray
 
 

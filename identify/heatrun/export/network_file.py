@@ -4,8 +4,6 @@ Text stands in char arrays and cells, an effect in a struct with its parameters,
 script integrates them all.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

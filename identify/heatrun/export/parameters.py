@@ -1,7 +1,5 @@
 """The parameters of the C of a run as other programs see them: names, units, 95 % intervals."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -48,24 +46,15 @@ OF_EFFECTS = {
 
 @dataclass(frozen=True)
 class Entry:
-    """One number among the parameters of the C.
+    """One number among the parameters of the C."""
 
-    Attributes:
-        name: In letters, digits and points, each once.
-        member: Of `heatrun_parameters`.
-        index: Its place there; None for a member that is one number.
-        unit: Its unit, `"1"` for none.
-        meaning: What it is.
-        value: What the run states [unit].
-        interval_95: Its 95 % interval [unit]; None where the run has none for it.
-    """
-
-    name: str
-    member: str
-    index: int | None
-    unit: str
-    meaning: str
-    value: float
+    name: str  # In letters, digits and points, each once.
+    member: str  # Of `heatrun_parameters`.
+    index: int | None  # Its place there; None for a member that is one number.
+    unit: str  # Its unit, `"1"` for none.
+    meaning: str  # What it is.
+    value: float  # What the run states [unit].
+    # Its 95 % interval [unit]; None where the run has none for it.
     interval_95: tuple[float, float] | None
 
     @property

@@ -1,7 +1,5 @@
 """A run as a map of ratings against speed: JSON, CSV, lines and figure."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Mapping, Sequence
 from itertools import cycle
@@ -12,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ..errors import InputError, UsageError
-from ..io.quantities import rounded
+from ..io.quantities import aligned, rounded
 from ..io.texts import LANGUAGES, Texts
 from ..io.whole_files import numbered
 from ..results import to_json
@@ -181,9 +179,6 @@ def lines(found: RatingMap) -> list[str]:
             *(_cell(row.current) for row in rows),
             f"{rows[0].other_losses_W:.0f}, {rows[0].other_losses_from}",
         ])  # fmt: skip
-    widths = [max(len(row[i]) for row in cells) for i in range(len(head))]
-    said = ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip()
-            for row in cells]  # fmt: skip
     whys = dict.fromkeys(
         f"* {row.speed_rpm:.0f} rpm: {words}"
         for row, rating in (
@@ -194,7 +189,7 @@ def lines(found: RatingMap) -> list[str]:
     )
     title = f"Permitted currents at {found.limit}, rms, with 95 % intervals:"
     loads = [f"{row.speed_rpm:.0f} rpm  {row.name}: {_cell(row.found)}" for row in found.endured]
-    return [title, *(f"  {line}" for line in (*said, *loads, *whys))]
+    return [title, *(f"  {line}" for line in (*aligned(cells), *loads, *whys))]
 
 
 def _beyond(rating: DerivedFigure) -> str:

@@ -7,8 +7,6 @@ Reference: G. Agostino, Powertrain Retrofit kit testing and thermal modeling, Po
     Torino, 2023, section 4.4.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
@@ -33,47 +31,33 @@ from .variables import Corrections, Shaft
 
 @dataclass(frozen=True)
 class Predicted:
-    """What a run predicts of a test, with the effects that it averages over.
+    """What a run predicts of a test, with the effects that it averages over."""
 
-    Attributes:
-        time_s: Times of the blocks on the record's own axis [s], shape (block,).
-        reading: Median of the winding's reading [degC], shape (block,).
-        maybe_missing: Probability of each effect that the network may miss [1], by its id.
-    """
-
-    time_s: np.ndarray
-    reading: np.ndarray
+    time_s: np.ndarray  # Times of the blocks on the record's own axis [s], shape (block,).
+    reading: np.ndarray  # Median of the winding's reading [degC], shape (block,).
+    # Probability of each effect that the network may miss [1], by its id.
     maybe_missing: Mapping[str, float]
 
 
 @dataclass(frozen=True)
 class RunAndTest:
-    """A test of a run with the values that the run found for it.
+    """A test of a run with the values that the run found for it."""
 
-    Attributes:
-        run: The run folder, or the file of parameters.
-        model: Network with effects.
-        motor: The machine, from the run's motor file or the one given for a new test.
-        record: The test at its full rate, under its name in the run; `winding_degC` is NaN
-            throughout where it was not measured.
-        values: Medians of the posterior, or fixed values, by parameter name without the test; the
-            start of a test that was only predicted as `heatrun.posterior.driven` has it.
-        is_held_out: Whether the run predicted the test only.
-        blocks: The test as it was reduced.
-        inputs: Every file that the run was made of, as the manifest names it, and of a new test.
-        notes: Sentences on where the values come from.
-        predicted: What the run itself predicts, None for a file of parameters.
-    """
-
-    run: Path
-    model: Model
-    motor: Motor
+    run: Path  # The run folder, or the file of parameters.
+    model: Model  # Network with effects.
+    motor: Motor  # The machine, from the run's motor file or the one given for a new test.
+    # The test at its full rate, under its name in the run; `winding_degC` is NaN throughout where
+    # it was not measured.
     record: Record
+    # Medians of the posterior, or fixed values, by parameter name without the test; the start of a
+    # test that was only predicted as `heatrun.posterior.driven` has it.
     values: Mapping[str, float]
-    is_held_out: bool
-    blocks: Blocks
+    is_held_out: bool  # Whether the run predicted the test only.
+    blocks: Blocks  # The test as it was reduced.
+    # Every file that the run was made of, as the manifest names it, and of a new test.
     inputs: tuple[Path, ...]
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # Sentences on where the values come from.
+    # What the run itself predicts, None for a file of parameters.
     predicted: Predicted | None = None
 
 

@@ -49,23 +49,15 @@ START_S = 1800.0
 
 @dataclass(frozen=True)
 class Simpler:
-    """A network of one or two bodies that the copper loss heats.
+    """A network of one or two bodies that the copper loss heats."""
 
-    Attributes:
-        found: Its parameters.
-        draws: The parameters by name, shape (draw,) [J/K, K/W].
-        ohm: Phase resistance behind the heat [ohm].
-        degC: Temperature that it holds for [degC].
-        errors_K: Its course minus that of the model, all tests in a row [K], shape (block,).
-        colder_95_K: How much colder it is at most than the model's upper 95 % limit [K].
-    """
-
-    found: Nearest
-    draws: dict[str, np.ndarray]
-    ohm: float
-    degC: float
+    found: Nearest  # Its parameters.
+    draws: dict[str, np.ndarray]  # The parameters by name, shape (draw,) [J/K, K/W].
+    ohm: float  # Phase resistance behind the heat [ohm].
+    degC: float  # Temperature that it holds for [degC].
+    # Its course minus that of the model, all tests in a row [K], shape (block,).
     errors_K: np.ndarray
-    colder_95_K: float
+    colder_95_K: float  # How much colder it is at most than the model's upper 95 % limit [K].
 
     def bias(self) -> dict[str, Any]:
         """Return how far it is from the model at the tested loads, as plain data [K]."""
@@ -79,17 +71,11 @@ class Simpler:
 
 @dataclass(frozen=True, eq=False)
 class TestedRun:
-    """A run with what its model says of its tests.
+    """A run with what its model says of its tests."""
 
-    Attributes:
-        run: The run.
-        name: Name of the network.
-        predictions: Of all its tests, those first that it was calibrated on.
-    """
-
-    run: Run
-    name: str
-    predictions: tuple[Prediction, ...]
+    run: Run  # The run.
+    name: str  # Name of the network.
+    predictions: tuple[Prediction, ...]  # Of all its tests, those first that it was calibrated on.
 
     __test__ = False  # no class of tests
 

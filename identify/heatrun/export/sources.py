@@ -9,8 +9,6 @@ misses more than the noise of the run's block means tells: so much more is given
 no fault there.
 """
 
-from __future__ import annotations
-
 import io
 import shutil
 import subprocess
@@ -51,19 +49,12 @@ from .variables import Corrections
 
 
 class Sourced(NamedTuple):
-    """The network of a run as C.
+    """The network of a run as C."""
 
-    Attributes:
-        source: The C.
-        parameters: What the run has found, with its intervals.
-        found: Test and values that it was made of.
-        notes: Sentences on them.
-    """
-
-    source: CSource
-    parameters: list[Entry]
-    found: RunAndTest
-    notes: tuple[str, ...]
+    source: CSource  # The C.
+    parameters: list[Entry]  # What the run has found, with its intervals.
+    found: RunAndTest  # Test and values that it was made of.
+    notes: tuple[str, ...]  # Sentences on them.
 
 
 def export_source(

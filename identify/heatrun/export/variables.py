@@ -38,45 +38,27 @@ UNITS: Mapping[str, str] = {
 
 @dataclass(frozen=True)
 class Shaft:
-    """What the shaft does at the samples, where a correction needs it.
+    """What the shaft does at the samples, where a correction needs it."""
 
-    Attributes:
-        speed_rpm: Speed [rpm], shape (time,).
-        power_W: Mechanical power [W], shape (time,).
-    """
-
-    speed_rpm: np.ndarray | None = None
-    power_W: np.ndarray | None = None
+    speed_rpm: np.ndarray | None = None  # Speed [rpm], shape (time,).
+    power_W: np.ndarray | None = None  # Mechanical power [W], shape (time,).
 
 
 @dataclass(frozen=True)
 class Corrections:
-    """Errors of instruments that a run allows for and `prova.mat` has no variables for.
+    """Errors of instruments that a run allows for and `prova.mat` has no variables for."""
 
-    Attributes:
-        current_gain: Relative correction of the current [1].
-        power_gain: Relative correction of the losses [1].
-        torque_offset: Correction of the torque [N m].
-        ambient_offset: Correction of the sink temperature [K].
-        sensor_gain: Relative error of the measured rise [1].
-        sensor_offset: Offset of the winding sensor [K].
-        load_timing: How much later the load comes than its samples, joined by straight lines,
-            say [s].
-        shaft_power_gain: Relative correction of the mechanical power [1].
-        shaft_power_offset: Correction of the mechanical power [W].
-        second_sink_offset: Correction of the temperature of a second sink [K].
-    """
-
-    current_gain: float = 0.0
-    power_gain: float = 0.0
-    torque_offset: float = 0.0
-    ambient_offset: float = 0.0
-    sensor_gain: float = 0.0
-    sensor_offset: float = 0.0
+    current_gain: float = 0.0  # Relative correction of the current [1].
+    power_gain: float = 0.0  # Relative correction of the losses [1].
+    torque_offset: float = 0.0  # Correction of the torque [N m].
+    ambient_offset: float = 0.0  # Correction of the sink temperature [K].
+    sensor_gain: float = 0.0  # Relative error of the measured rise [1].
+    sensor_offset: float = 0.0  # Offset of the winding sensor [K].
+    # How much later the load comes than its samples, joined by straight lines, say [s].
     load_timing: float = 0.0
-    shaft_power_gain: float = 0.0
-    shaft_power_offset: float = 0.0
-    second_sink_offset: float = 0.0
+    shaft_power_gain: float = 0.0  # Relative correction of the mechanical power [1].
+    shaft_power_offset: float = 0.0  # Correction of the mechanical power [W].
+    second_sink_offset: float = 0.0  # Correction of the temperature of a second sink [K].
 
     @classmethod
     def of(cls, values: Mapping[str, float]) -> Corrections:

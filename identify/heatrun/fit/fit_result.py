@@ -31,36 +31,24 @@ class RESULT(enum.Enum):
 
 @dataclass(frozen=True)
 class Fit:
-    """The most probable parameters and the spread of the posterior around them.
+    """The most probable parameters and the spread of the posterior around them."""
 
-    Attributes:
-        problem: What was fitted.
-        z: Scores of the parameters, shape (parameter,).
-        noise_z: Scores of the noise, shape (noise,).
-        covariance: Of the scores of parameters and noise, shape (all, all).
-        covariance_type_a: What the scatter of the readings contributes to that of the
-            parameters, shape (parameter, parameter); the rest comes from priors (type B).
-        residual: Measured minus modelled block means by test [K].
-        jacobian: Derivative of the residuals by test [K per score].
-        modes: Scores of all optima that share the posterior, the best first, shape
-            (mode, parameter).
-        log_evidence: Laplace approximation of the marginal likelihood [nat].
-        result: How it ended.
-        findings: What is to be said about it.
-        stats: Numbers of starts, of starts at the best optimum, and of steps.
-    """
-
-    problem: Problem
-    z: Float[np.ndarray, " parameter"]
-    noise_z: Float[np.ndarray, " noise"]
+    problem: Problem  # What was fitted.
+    z: Float[np.ndarray, " parameter"]  # Scores of the parameters, shape (parameter,).
+    noise_z: Float[np.ndarray, " noise"]  # Scores of the noise, shape (noise,).
+    # Of the scores of parameters and noise, shape (all, all).
     covariance: Float[np.ndarray, "all all"]
+    # What the scatter of the readings contributes to that of the parameters, shape (parameter,
+    # parameter); the rest comes from priors (type B).
     covariance_type_a: Float[np.ndarray, "parameter parameter"]
-    residual: list[np.ndarray]
-    jacobian: list[np.ndarray]
+    residual: list[np.ndarray]  # Measured minus modelled block means by test [K].
+    jacobian: list[np.ndarray]  # Derivative of the residuals by test [K per score].
+    # Scores of all optima that share the posterior, the best first, shape (mode, parameter).
     modes: Float[np.ndarray, "mode parameter"]
-    log_evidence: float
-    result: RESULT
-    findings: tuple[Finding, ...] = ()
+    log_evidence: float  # Laplace approximation of the marginal likelihood [nat].
+    result: RESULT  # How it ended.
+    findings: tuple[Finding, ...] = ()  # What is to be said about it.
+    # Numbers of starts, of starts at the best optimum, and of steps.
     stats: dict[str, float] = field(default_factory=dict)
 
     @property

@@ -72,17 +72,13 @@ def restricted_log_likelihood(
 
 
 class Conditional(NamedTuple):
-    """What the linear model says for one noise.
+    """What the linear model says for one noise."""
 
-    Attributes:
-        log_density: Restricted log likelihood of the noise plus its log prior, up to a constant
-            [nat].
-        mean: Mean of the scores of the parameters under that noise, shape (parameter,).
-        factor: Lower Cholesky factor of their precision, shape (parameter, parameter).
-    """
-
+    # Restricted log likelihood of the noise plus its log prior, up to a constant [nat].
     log_density: Float[Array, ""]
+    # Mean of the scores of the parameters under that noise, shape (parameter,).
     mean: Float[Array, " parameter"]
+    # Lower Cholesky factor of their precision, shape (parameter, parameter).
     factor: Float[Array, "parameter parameter"]
 
 
@@ -327,18 +323,14 @@ def noise_precision(
 
 
 class Spread(NamedTuple):
-    """How wide the posterior is around a fit.
+    """How wide the posterior is around a fit."""
 
-    Attributes:
-        covariance: Of the scores of parameters and noise, shape (all, all).
-        type_a: What the scatter of the readings contributes to that of the parameters, shape
-            (parameter, parameter); the rest comes from priors (type B).
-        log_evidence: Marginal likelihood [nat].
-    """
-
+    # Of the scores of parameters and noise, shape (all, all).
     covariance: Float[np.ndarray, "all all"]
+    # What the scatter of the readings contributes to that of the parameters, shape (parameter,
+    # parameter); the rest comes from priors (type B).
     type_a: Float[np.ndarray, "parameter parameter"]
-    log_evidence: float
+    log_evidence: float  # Marginal likelihood [nat].
 
 
 def spread(
@@ -408,19 +400,13 @@ def laplace(
 
 
 class Whitened(NamedTuple):
-    """Residuals and their derivative, freed of the noise's correlation.
+    """Residuals and their derivative, freed of the noise's correlation."""
 
-    Attributes:
-        residuals: Of the observed blocks of each sensor of each test [1].
-        stacked: Of the blocks of all tests in a row [1].
-        jacobian: Of the blocks of all tests in a row [1 per score].
-        half_log_det: Half the log determinant of the noise's covariance.
-    """
-
-    residuals: list[np.ndarray]
-    stacked: Float[np.ndarray, " block"]
+    residuals: list[np.ndarray]  # Of the observed blocks of each sensor of each test [1].
+    stacked: Float[np.ndarray, " block"]  # Of the blocks of all tests in a row [1].
+    # Of the blocks of all tests in a row [1 per score].
     jacobian: Float[np.ndarray, "block parameter"]
-    half_log_det: float
+    half_log_det: float  # Half the log determinant of the noise's covariance.
 
 
 def whiten_fit(

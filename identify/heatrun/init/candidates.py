@@ -1,7 +1,5 @@
 """The columns of files that may be a channel, in the order in which they are offered."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -43,29 +41,17 @@ COLD_DEGC = 20.0
 
 @dataclass(frozen=True)
 class Candidate:
-    """A line of `[columns]` that may be a channel.
+    """A line of `[columns]` that may be a channel."""
 
-    Attributes:
-        line: Right-hand side.
-        shown: What its column holds, in words.
-        score: How surely the name speaks for the channel, as `likely_names`.
-        is_assumed: Its unit is not known.
-        course: In the channel's unit; None where the values were not looked at.
-        columns: Its column, or those of the three phases that it is the mean of.
-        evidence: What other columns say of it, or None.
-        note: What speaks for it or against it; `ranked` says it.
-        is_open: Nothing speaks against it.
-    """
-
-    line: str
-    shown: str
-    score: int
-    is_assumed: bool
-    course: Course | None
-    columns: tuple[str, ...]
-    evidence: Evidence | None = None
-    note: str = ""
-    is_open: bool = True
+    line: str  # Right-hand side.
+    shown: str  # What its column holds, in words.
+    score: int  # How surely the name speaks for the channel, as `likely_names`.
+    is_assumed: bool  # Its unit is not known.
+    course: Course | None  # In the channel's unit; None where the values were not looked at.
+    columns: tuple[str, ...]  # Its column, or those of the three phases that it is the mean of.
+    evidence: Evidence | None = None  # What other columns say of it, or None.
+    note: str = ""  # What speaks for it or against it; `ranked` says it.
+    is_open: bool = True  # Nothing speaks against it.
 
     @property
     def is_mean(self) -> bool:
@@ -163,20 +149,14 @@ def _course(column: FreeColumn, proposal: Proposal) -> Course | None:
 
 @dataclass(frozen=True)
 class _Verdict:
-    """What values say.
+    """What values say."""
 
-    Attributes:
-        grade: 0 where they speak for the channel, 1 where they allow it, 2 where they speak
-            against it, 3 where they say nothing.
-        order: Among columns of one grade, the smaller first.
-        words: Why.
-        praise: Why, if it is the first.
-    """
-
+    # 0 where they speak for the channel, 1 where they allow it, 2 where they speak against it, 3
+    # where they say nothing.
     grade: int
-    order: float = 0.0
-    words: str = ""
-    praise: str = ""
+    order: float = 0.0  # Among columns of one grade, the smaller first.
+    words: str = ""  # Why.
+    praise: str = ""  # Why, if it is the first.
 
 
 def ranked(channel: str, found: Sequence[Candidate]) -> list[Candidate]:

@@ -5,8 +5,6 @@ read from the files is set: a line holds once a person has removed the # in fron
 `is_accepted`, at once, marked to be checked. All keys are explained on the page of the motor file.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
@@ -34,17 +32,12 @@ NONE = "none"
 
 @dataclass(frozen=True)
 class Choice:
-    """A channel, and what of the files it may be.
+    """A channel, and what of the files it may be."""
 
-    Attributes:
-        channel: Canonical name.
-        sides: Right-hand sides of `[columns]` with what each holds, the proposed one first.
-        is_proposed: The first one holds unless a person says otherwise.
-    """
-
-    channel: str
+    channel: str  # Canonical name.
+    # Right-hand sides of `[columns]` with what each holds, the proposed one first.
     sides: Mapping[str, str]
-    is_proposed: bool
+    is_proposed: bool  # The first one holds unless a person says otherwise.
 
 
 def choices(surveys: Sequence[Survey]) -> tuple[Choice, ...]:

@@ -6,8 +6,6 @@ falls is a winding or a body beside it. What is over a current a resistance that
 copper does is the voltage of a winding.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -67,20 +65,13 @@ Values = Mapping[str, np.ndarray]
 
 @dataclass(frozen=True)
 class _Others:
-    """What a column is held against, in the units of channels.
+    """What a column is held against, in the units of channels."""
 
-    Attributes:
-        channels: What one column alone is, or may be.
-        products: Voltage times current [W], by the names of both.
-        ohms: Voltage over current [ohm], by the names of both.
-        loads: What may heat, by its column.
-        currents: What may be a winding's current [A], by its column; none where a shaft turns.
-    """
-
-    channels: Values
-    products: Values
-    ohms: Values
-    loads: Sequence[tuple[str, np.ndarray]]
+    channels: Values  # What one column alone is, or may be.
+    products: Values  # Voltage times current [W], by the names of both.
+    ohms: Values  # Voltage over current [ohm], by the names of both.
+    loads: Sequence[tuple[str, np.ndarray]]  # What may heat, by its column.
+    # What may be a winding's current [A], by its column; none where a shaft turns.
     currents: Sequence[tuple[str, np.ndarray]]
 
 

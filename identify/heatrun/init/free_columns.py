@@ -194,21 +194,13 @@ def flat(text: str) -> str:
 
 @dataclass(frozen=True)
 class Proposal:
-    """A channel that a column may be.
+    """A channel that a column may be."""
 
-    Attributes:
-        channel: Canonical name.
-        line: Right-hand side of `[columns]` that reads the column so.
-        unit_from: How its unit is known; `"assumed"` also if the line itself states it.
-        score: How surely the name speaks for it, as `likely_names`; 0 for the unit alone.
-        unit: Unit that it is read in.
-    """
-
-    channel: str
-    line: str
-    unit_from: UnitSource
-    score: int
-    unit: str = ""
+    channel: str  # Canonical name.
+    line: str  # Right-hand side of `[columns]` that reads the column so.
+    unit_from: UnitSource  # How its unit is known; `"assumed"` also if the line itself states it.
+    score: int  # How surely the name speaks for it, as `likely_names`; 0 for the unit alone.
+    unit: str = ""  # Unit that it is read in.
 
     @property
     def is_likely(self) -> bool:
@@ -218,36 +210,24 @@ class Proposal:
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the values of a column say of it as a channel.
+    """What the values of a column say of it as a channel."""
 
-    Attributes:
-        speaks: For the channel, or against it.
-        words: Why.
-        is_alone: For this channel and no other.
-        cold: Resistance [ohm] that a winding began with and the room's temperature then [degC];
-            None where it is no winding's voltage, or something was not as cold as the room.
-    """
-
-    speaks: bool
-    words: str
-    is_alone: bool = False
+    speaks: bool  # For the channel, or against it.
+    words: str  # Why.
+    is_alone: bool = False  # For this channel and no other.
+    # Resistance [ohm] that a winding began with and the room's temperature then [degC]; None where
+    # it is no winding's voltage, or something was not as cold as the room.
     cold: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
 class Course:
-    """The course of one column, in the unit of the file.
+    """The course of one column, in the unit of the file."""
 
-    Attributes:
-        low: Value that 99 % of the samples exceed.
-        high: Value that 1 % of the samples exceed.
-        mean: Mean of the samples.
-        is_growing: No sample is smaller than the one before it, and the last exceeds the first.
-    """
-
-    low: float
-    high: float
-    mean: float
+    low: float  # Value that 99 % of the samples exceed.
+    high: float  # Value that 1 % of the samples exceed.
+    mean: float  # Mean of the samples.
+    # No sample is smaller than the one before it, and the last exceeds the first.
     is_growing: bool = False
 
     @property
@@ -278,30 +258,19 @@ def course_of(values: np.ndarray) -> Course | None:
 
 @dataclass(frozen=True)
 class FreeColumn:
-    """A column that no channel claims.
+    """A column that no channel claims."""
 
-    Attributes:
-        name: As it stands in the file.
-        unit: Unit text that the file gives, or None.
-        low: Smallest value, in the file's unit; None without any.
-        high: Largest value.
-        num_values: Number of values [1]; None where they were not looked at.
-        text: What stands in it instead of numbers, or empty.
-        proposals: What it may be, likely ones first.
-        course: How its values run, in the file's unit; None where they were not looked at.
-        remark: Why it is no channel although it looks like one, or empty.
-        evidence: Channel to what the other columns of the file say of it as that.
-    """
-
-    name: str
-    unit: str | None
-    low: float | None = None
-    high: float | None = None
-    num_values: int | None = None
-    text: str = ""
-    proposals: tuple[Proposal, ...] = ()
+    name: str  # As it stands in the file.
+    unit: str | None  # Unit text that the file gives, or None.
+    low: float | None = None  # Smallest value, in the file's unit; None without any.
+    high: float | None = None  # Largest value.
+    num_values: int | None = None  # Number of values [1]; None where they were not looked at.
+    text: str = ""  # What stands in it instead of numbers, or empty.
+    proposals: tuple[Proposal, ...] = ()  # What it may be, likely ones first.
+    # How its values run, in the file's unit; None where they were not looked at.
     course: Course | None = None
-    remark: str = ""
+    remark: str = ""  # Why it is no channel although it looks like one, or empty.
+    # Channel to what the other columns of the file say of it as that.
     evidence: Mapping[str, Evidence] = field(default_factory=dict)
 
     @property

@@ -3,8 +3,6 @@
 The resistance of a phase and its temperature may stand in the head or among the scalars of a file.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field
@@ -59,35 +57,25 @@ LONGEST_LINE = 450
 
 @dataclass(frozen=True)
 class Gap:
-    """Something that is missing.
+    """Something that is missing."""
 
-    Attributes:
-        channel: Canonical name, empty for a key.
-        key: Key of the motor file, empty for a channel.
-        sentence: Why it matters and what to do.
-        candidates: Right-hand sides of `[columns]` with a note on each, the best first; of several
-            loggers the best of each before the others.
-        constants: Lines of `[constants]`, commented.
-        lines: Further lines of comment at the key.
-        best: Right-hand sides of which the tests need one each, in the order of the tests; empty
-            where what speaks for the first candidate is contradicted.
-        of_tests: By file those for which the first of `best` that it has is another channel.
-        is_zero: A column that is read for it holds 0 throughout, which may have been measured.
-        is_of_some: Other tests have the channel, or another of `best`.
-        number: Example of a number that takes the place of a column, or empty.
-    """
-
-    channel: str
-    key: str
-    sentence: str
+    channel: str  # Canonical name, empty for a key.
+    key: str  # Key of the motor file, empty for a channel.
+    sentence: str  # Why it matters and what to do.
+    # Right-hand sides of `[columns]` with a note on each, the best first; of several loggers the
+    # best of each before the others.
     candidates: tuple[tuple[str, str], ...] = ()
-    constants: tuple[str, ...] = ()
-    lines: tuple[str, ...] = ()
+    constants: tuple[str, ...] = ()  # Lines of `[constants]`, commented.
+    lines: tuple[str, ...] = ()  # Further lines of comment at the key.
+    # Right-hand sides of which the tests need one each, in the order of the tests; empty where what
+    # speaks for the first candidate is contradicted.
     best: tuple[str, ...] = ()
+    # By file those for which the first of `best` that it has is another channel.
     of_tests: Mapping[str, str] = field(default_factory=dict)
+    # A column that is read for it holds 0 throughout, which may have been measured.
     is_zero: bool = False
-    is_of_some: bool = False
-    number: str = ""
+    is_of_some: bool = False  # Other tests have the channel, or another of `best`.
+    number: str = ""  # Example of a number that takes the place of a column, or empty.
 
     @property
     def place(self) -> str:

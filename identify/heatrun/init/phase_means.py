@@ -6,8 +6,6 @@ few kelvin of each other while they warm by much more, and currents of a balance
 tenth of their value, as the powers of three wattmeters beside them.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -37,17 +35,11 @@ CLOSE_SHARE = 0.1
 
 @dataclass(frozen=True)
 class Sensor:
-    """A column that may be the sensor of one phase.
+    """A column that may be the sensor of one phase."""
 
-    Attributes:
-        column: The column.
-        as_read: How it is the channel.
-        values: In the channel's unit, shape (time,).
-    """
-
-    column: Column
-    as_read: Proposal
-    values: np.ndarray
+    column: Column  # The column.
+    as_read: Proposal  # How it is the channel.
+    values: np.ndarray  # In the channel's unit, shape (time,).
 
 
 def _phases(sensors: Iterable[Sensor], quantity: str) -> Iterator[list[Sensor]]:
@@ -97,17 +89,11 @@ MOST_MEANS = 20
 
 @dataclass(frozen=True)
 class PhaseMean:
-    """Three columns of which one channel may be the mean, or the sum.
+    """Three columns of which one channel may be the mean, or the sum."""
 
-    Attributes:
-        channel: Canonical name.
-        line: Right-hand side of `[columns]` that reads it so.
-        columns: Their names, in the order of the phases.
-    """
-
-    channel: str
-    line: str
-    columns: tuple[str, ...]
+    channel: str  # Canonical name.
+    line: str  # Right-hand side of `[columns]` that reads it so.
+    columns: tuple[str, ...]  # Their names, in the order of the phases.
 
 
 def phase_means(

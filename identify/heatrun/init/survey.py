@@ -44,17 +44,11 @@ NEEDED = frozenset(REQUIRED) - {"time_s"}
 
 @dataclass(frozen=True)
 class SilentColumn:
-    """A column that is recognised and holds zeros alone, or no value.
+    """A column that is recognised and holds zeros alone, or no value."""
 
-    Attributes:
-        channel: Canonical name.
-        column: As it stands in the file.
-        is_empty: It holds no value at all.
-    """
-
-    channel: str
-    column: str
-    is_empty: bool
+    channel: str  # Canonical name.
+    column: str  # As it stands in the file.
+    is_empty: bool  # It holds no value at all.
 
     @property
     def held(self) -> str:
@@ -64,40 +58,25 @@ class SilentColumn:
 
 @dataclass(frozen=True)
 class Survey:
-    """What one file holds.
+    """What one file holds."""
 
-    Attributes:
-        path: The file.
-        reader: Format.
-        recognised: How each column became a channel, without any motor file.
-        derived: Formula of each channel that follows from others.
-        free: Columns that no channel claims.
-        questions: What the file leaves open about columns that would be recognised: problem and
-            remedy.
-        constants: Scalars of the file by name.
-        preamble: Lines above the table.
-        silent: Columns that are recognised and hold nothing, for channels that a calibration
-            needs.
-        means: Columns of three phases that a channel may be the mean of.
-        findings: What the reader left out or doubts.
-        test: The test that it is a file of, as the command line names it.
-        machines: What is to be said of columns of a second machine, or empty.
-        only_cools: The winding that is recognised falls from the first sample to the last.
-    """
-
-    path: str
-    reader: str
+    path: str  # The file.
+    reader: str  # Format.
+    # How each column became a channel, without any motor file.
     recognised: tuple[ColumnReading, ...]
-    derived: Mapping[str, str]
-    free: tuple[FreeColumn, ...]
+    derived: Mapping[str, str]  # Formula of each channel that follows from others.
+    free: tuple[FreeColumn, ...]  # Columns that no channel claims.
+    # What the file leaves open about columns that would be recognised: problem and remedy.
     questions: tuple[str, ...] = ()
-    constants: Mapping[str, float] | None = None
-    preamble: tuple[str, ...] = ()
+    constants: Mapping[str, float] | None = None  # Scalars of the file by name.
+    preamble: tuple[str, ...] = ()  # Lines above the table.
+    # Columns that are recognised and hold nothing, for channels that a calibration needs.
     silent: tuple[SilentColumn, ...] = ()
-    means: tuple[PhaseMean, ...] = ()
-    findings: tuple[Finding, ...] = ()
-    test: str = ""
-    machines: str = ""
+    means: tuple[PhaseMean, ...] = ()  # Columns of three phases that a channel may be the mean of.
+    findings: tuple[Finding, ...] = ()  # What the reader left out or doubts.
+    test: str = ""  # The test that it is a file of, as the command line names it.
+    machines: str = ""  # What is to be said of columns of a second machine, or empty.
+    # The winding that is recognised falls from the first sample to the last.
     only_cools: bool = False
 
     @property
@@ -240,18 +219,14 @@ CHANNEL_NAME = re.compile("|".join(sorted(map(re.escape, CHANNEL), key=len, reve
 
 @dataclass(frozen=True)
 class PartialMapping:
-    """What became of the columns of a table.
+    """What became of the columns of a table."""
 
-    Attributes:
-        mapped: The channels that could be read.
-        derived: Formula of each channel that follows from others.
-        faults: Why others could not.
-        lines: `[columns]` as they were used: those given, and what leaves out the others.
-    """
-
+    # The channels that could be read.
     mapped: MappedColumns = field(default_factory=lambda: MappedColumns(""))
+    # Formula of each channel that follows from others.
     derived: Mapping[str, str] = field(default_factory=dict)
-    faults: tuple[InputError, ...] = ()
+    faults: tuple[InputError, ...] = ()  # Why others could not.
+    # `[columns]` as they were used: those given, and what leaves out the others.
     lines: Columns = field(default_factory=dict)
 
     @property
@@ -295,19 +270,13 @@ def _channels_in(error: InputError) -> Iterator[str]:
 
 @dataclass(frozen=True)
 class UnreadTest:
-    """What is known of a test that cannot be read.
+    """What is known of a test that cannot be read."""
 
-    Attributes:
-        name: Name of the test.
-        findings: Why it cannot be read, then each further channel that a fit lacks.
-        mapping: How columns became channels as far as they do.
-        unused: Columns that no channel claims.
-    """
-
-    name: str
+    name: str  # Name of the test.
+    # Why it cannot be read, then each further channel that a fit lacks.
     findings: tuple[Finding, ...]
-    mapping: tuple[ColumnReading, ...]
-    unused: tuple[str, ...]
+    mapping: tuple[ColumnReading, ...]  # How columns became channels as far as they do.
+    unused: tuple[str, ...]  # Columns that no channel claims.
 
 
 def unread_test(path: Path | str, motor: Motor, error: InputError) -> UnreadTest | None:

@@ -5,8 +5,6 @@ sockets and named pipes are refused before a byte is read, since they may have n
 whoever opens them waiting for ever. A pipe is read once and whole: it cannot be read again.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import io

@@ -1,7 +1,5 @@
 """What heatrun itself has written, told from bench files: nobody measured it."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

@@ -1,9 +1,7 @@
 """Quantities as they are printed for people, and texts from files made harmless for print."""
 
-from __future__ import annotations
-
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 
 def printable(text: str) -> str:
@@ -21,6 +19,13 @@ LONGEST = 600
 def clean(text: str) -> str:
     """Return a text without control characters, of bounded length, for print."""
     return "".join(c if c.isprintable() or c in JOINERS else " " for c in text)[:LONGEST]
+
+
+def aligned(rows: Iterable[Sequence[str]], indent: str = "") -> list[str]:
+    """Return rows of as many cells each as lines, the columns below each other."""
+    rows = list(rows)
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [indent + "  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
 
 
 LONG_WORD = re.compile(r"\S{20,}")

@@ -12,8 +12,6 @@ language, `{name:v}` names with such numbers; `{name:t}` or, without commas or c
 a network with its effects; `{name:i}`, an id; `{name:d}`, a day.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Sequence

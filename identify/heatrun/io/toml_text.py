@@ -5,8 +5,6 @@ it does work and holds memory by n squared: 100 kB of dots took 3.4 GB. So level
 counted first, in one pass over the text that knows strings and comments and nothing more.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Mapping, Sequence

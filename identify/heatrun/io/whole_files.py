@@ -291,19 +291,12 @@ READY = ".heatrun.ready"
 
 @dataclass(frozen=True)
 class FileSet:
-    """A set of files on its way.
+    """A set of files on its way."""
 
-    Attributes:
-        folder: Where the files will be.
-        name: Of the set, as it was chosen.
-        aside: Where they are written; subfolders are taken along.
-        lock: Held on `aside` while this process lives: how others see that it does.
-    """
-
-    folder: Path
-    name: str
-    aside: Path
-    lock: FolderLock
+    folder: Path  # Where the files will be.
+    name: str  # Of the set, as it was chosen.
+    aside: Path  # Where they are written; subfolders are taken along.
+    lock: FolderLock  # Held on `aside` while this process lives: how others see that it does.
 
     @classmethod
     def begin(cls, folder: Path, name: str | Callable[[], str]) -> FileSet:

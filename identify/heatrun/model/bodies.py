@@ -207,23 +207,17 @@ the stator node of the second order stands for stator and rotor."""
 
 @dataclass(frozen=True)
 class BodyCourse:
-    """A measured body, and what a model says of it, block by block.
+    """A measured body, and what a model says of it, block by block."""
 
-    Attributes:
-        channel: Its channel.
-        node: The node that it is compared with.
-        is_fitted: Whether its readings were fitted, with the errors of its sensor; if not, the
-            node's own temperature stands here.
-        measured: Mean reading of each block [degC], shape (block,); NaN where nothing was read.
-        median: What the model says [degC], shape (block,).
-        limits_95: The 95 % limits [degC], with noise where it is fitted.
-    """
-
-    channel: str
-    node: str
+    channel: str  # Its channel.
+    node: str  # The node that it is compared with.
+    # Whether its readings were fitted, with the errors of its sensor; if not, the node's own
+    # temperature stands here.
     is_fitted: bool
+    # Mean reading of each block [degC], shape (block,); NaN where nothing was read.
     measured: Float[np.ndarray, " block"]
-    median: Float[np.ndarray, " block"]
+    median: Float[np.ndarray, " block"]  # What the model says [degC], shape (block,).
+    # The 95 % limits [degC], with noise where it is fitted.
     limits_95: tuple[np.ndarray, np.ndarray]
 
     @property

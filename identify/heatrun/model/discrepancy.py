@@ -51,19 +51,13 @@ cache."""
 
 @dataclass(frozen=True)
 class Windows:
-    """Stretches of the tests.
+    """Stretches of the tests."""
 
-    Attributes:
-        test: Index of the test of each window.
-        from_s: Mean time of its first block [s].
-        to_s: Mean time of its last block [s].
-        without: By test: the blocks that are read where a window is left out, shape
-            (window of the test, block).
-    """
-
-    test: Int[np.ndarray, " window"]
-    from_s: Float[np.ndarray, " window"]
-    to_s: Float[np.ndarray, " window"]
+    test: Int[np.ndarray, " window"]  # Index of the test of each window.
+    from_s: Float[np.ndarray, " window"]  # Mean time of its first block [s].
+    to_s: Float[np.ndarray, " window"]  # Mean time of its last block [s].
+    # By test: the blocks that are read where a window is left out, shape (window of the test,
+    # block).
     without: tuple[Bool[np.ndarray, "window block"], ...]
 
 

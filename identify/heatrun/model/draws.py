@@ -35,23 +35,16 @@ from .problem import NUM_NOISE
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """Draws of parameters and noise with all that gives them a meaning.
+    """Draws of parameters and noise with all that gives them a meaning."""
 
-    Attributes:
-        model: Network with effects and nuisances.
-        motor: The machine.
-        parameters: What stands in which place of a vector, with priors and fixed values.
-        vectors: Scores of parameters and noise, shape (draw, all).
-        plausible: Effects behind the draws; None where all are of the model alone.
-        loggers: Noise of each logger.
-    """
-
-    model: Model
-    motor: Motor
+    model: Model  # Network with effects and nuisances.
+    motor: Motor  # The machine.
+    # What stands in which place of a vector, with priors and fixed values.
     parameters: ParameterSet
-    vectors: Float[np.ndarray, "draw all"]
+    vectors: Float[np.ndarray, "draw all"]  # Scores of parameters and noise, shape (draw, all).
+    # Effects behind the draws; None where all are of the model alone.
     plausible: PlausibleEffects | None = None
-    loggers: Loggers = field(default_factory=dict)
+    loggers: Loggers = field(default_factory=dict)  # Noise of each logger.
 
     def thin(self, num: int, seed: int = 0) -> Draws:
         """Return `num` of the draws, picked evenly at random without repetition."""
@@ -92,21 +85,15 @@ Link = tuple[str, str]
 
 @dataclass(frozen=True)
 class PlausibleEffect:
-    """An effect that the network may miss.
+    """An effect that the network may miss."""
 
-    Attributes:
-        kind: The effect.
-        test: Name of the test that it happens in; None if it acts in all of them.
-        probability: That it is missing [1].
-        with_effect: Parameters of network and effect that all tests share, by name [their units].
-        without: Those of the network alone that it is told from. A resistance that the effect acts
-            on stands there for its mean over the tests, as in the draws.
-    """
-
-    kind: type[AbstractEffect]
-    test: str | None
-    probability: float
+    kind: type[AbstractEffect]  # The effect.
+    test: str | None  # Name of the test that it happens in; None if it acts in all of them.
+    probability: float  # That it is missing [1].
+    # Parameters of network and effect that all tests share, by name [their units].
     with_effect: Mapping[str, float]
+    # Those of the network alone that it is told from. A resistance that the effect acts on stands
+    # there for its mean over the tests, as in the draws.
     without: Mapping[str, float]
 
     @property
@@ -117,15 +104,11 @@ class PlausibleEffect:
 
 @dataclass(frozen=True, eq=False)
 class PlausibleEffects:
-    """The effects behind some draws.
+    """The effects behind some draws."""
 
-    Attributes:
-        effects: By probability, the most probable first.
-        size: Amplitude of each effect over that of `with_effect` [1], zero where it is not there,
-            shape (draw, effect).
-    """
-
-    effects: tuple[PlausibleEffect, ...]
+    effects: tuple[PlausibleEffect, ...]  # By probability, the most probable first.
+    # Amplitude of each effect over that of `with_effect` [1], zero where it is not there, shape
+    # (draw, effect).
     size: Float[np.ndarray, "draw effect"]
 
     @property
@@ -254,17 +237,11 @@ AT_A_TIME = 50
 
 
 class Courses(NamedTuple):
-    """Means over the blocks of a test, draw by draw.
+    """Means over the blocks of a test, draw by draw."""
 
-    Attributes:
-        reading: Of the winding, then of each fitted body, in a row [degC], shape (draw, row).
-        nodes: Temperature of each node [degC], shape (draw, block) each.
-        flows: Heat flow by link [W], shape (draw, block) each.
-    """
-
-    reading: Any
-    nodes: dict[str, Any]
-    flows: dict[tuple[str, str], Any]
+    reading: Any  # Of the winding, then of each fitted body, in a row [degC], shape (draw, row).
+    nodes: dict[str, Any]  # Temperature of each node [degC], shape (draw, block) each.
+    flows: dict[tuple[str, str], Any]  # Heat flow by link [W], shape (draw, block) each.
 
 
 def courses(

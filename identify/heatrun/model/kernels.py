@@ -96,18 +96,12 @@ few draws of the whole prior have the other scores right."""
 
 
 class Kernels(eqx.Module):
-    """A density of the noise's scores as a sum of equal Student t kernels.
+    """A density of the noise's scores as a sum of equal Student t kernels."""
 
-    Attributes:
-        centres: Shape (kernel, noise).
-        factor: Lower Cholesky factor of the kernels' shape.
-        whiten: Its inverse.
-        whiten_others: Likewise of the kernels' shape without one of the scores.
-    """
-
-    centres: Float[Any, "kernel noise"]
-    factor: Float[Any, "noise noise"]
-    whiten: Float[Any, "noise noise"]
+    centres: Float[Any, "kernel noise"]  # Shape (kernel, noise).
+    factor: Float[Any, "noise noise"]  # Lower Cholesky factor of the kernels' shape.
+    whiten: Float[Any, "noise noise"]  # Its inverse.
+    # Likewise of the kernels' shape without one of the scores.
     whiten_others: Float[Any, "noise other other"]
 
     @classmethod

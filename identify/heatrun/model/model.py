@@ -38,27 +38,17 @@ if TYPE_CHECKING:  # which parameters there are is known without JAX; physics lo
 
 @dataclass(frozen=True)
 class Model:
-    """A network with its nuisances; hashable, so that it keys a compilation.
+    """A network with its nuisances; hashable, so that it keys a compilation."""
 
-    Attributes:
-        form: The network: nodes, links, where losses enter, what sensors read.
-        kind: What the loss channel means.
-        phases: Number of phases [1].
-        reference_temperature: Temperature that Rs0 holds for [degC].
-        coefficient: B of the winding's material [degC].
-        effects: Effects that extend the network, in order.
-        adequacy: How far the network is trusted.
-        change_sd: Standard deviation of the logarithm by which capacities and resistances change
-            from test to test [1]; 0 where they are the same in all.
-    """
-
-    form: NetworkForm
-    kind: Literal["balance", "map"]
-    phases: int
-    reference_temperature: float
-    coefficient: float
-    effects: tuple[type[AbstractEffect], ...] = ()
-    adequacy: Adequacy = field(default_factory=Adequacy)
+    form: NetworkForm  # The network: nodes, links, where losses enter, what sensors read.
+    kind: Literal["balance", "map"]  # What the loss channel means.
+    phases: int  # Number of phases [1].
+    reference_temperature: float  # Temperature that Rs0 holds for [degC].
+    coefficient: float  # B of the winding's material [degC].
+    effects: tuple[type[AbstractEffect], ...] = ()  # Effects that extend the network, in order.
+    adequacy: Adequacy = field(default_factory=Adequacy)  # How far the network is trusted.
+    # Standard deviation of the logarithm by which capacities and resistances change from test to
+    # test [1]; 0 where they are the same in all.
     change_sd: float = 0.0
 
     @classmethod

@@ -108,18 +108,12 @@ WINDING = "winding_degC"
 
 @dataclass(frozen=True)
 class SpeedLossForm:
-    """A kind of loss that follows the speed, without numbers.
+    """A kind of loss that follows the speed, without numbers."""
 
-    Attributes:
-        kind: `"iron"` or `"mechanical"`.
-        linear: Parameter of the part that grows with the speed [W at 1000 rpm].
-        square: Parameter of the part that grows with its square [W at 1000 rpm].
-        share: Share [1] of it by node, as `NetworkForm.share`.
-    """
-
-    kind: str
-    linear: Parameter
-    square: Parameter
+    kind: str  # `"iron"` or `"mechanical"`.
+    linear: Parameter  # Parameter of the part that grows with the speed [W at 1000 rpm].
+    square: Parameter  # Parameter of the part that grows with its square [W at 1000 rpm].
+    # Share [1] of it by node, as `NetworkForm.share`.
     share: tuple[tuple[str, float | Parameter | None], ...]
 
     @property
@@ -163,36 +157,27 @@ class NetworkForm:
 
     Two are equal if they have the same nodes, links, losses, sensors and names; their priors are
     numbers, and may differ.
-
-    Attributes:
-        name: As in `--model`, in file names and in JSON.
-        title: As in sentences, such as `"second order"`.
-        capacitance: Parameter of each node [J/K], in the order of the nodes.
-        resistance: Parameter of each link [K/W]; the sink is the second end of its links.
-        share: Share [1] of the losses other than copper by node: a number, a parameter, or None
-            for the one node that takes the rest.
-        copper: Node that the copper loss heats.
-        sink: Name of the boundary.
-        second_sink: Name of the second boundary; empty where there is one sink. A network of two
-            sinks names the channels that they are measured by, `"ambient"` and `"coolant"`.
-        by_speed: Losses that follow the speed, apart from those that the shares divide.
-        sensors: Node that each measured temperature belongs to, by channel: the winding's and
-            those of bodies.
-        starts: Name of the start temperature of each node.
-        effects: Ids of the effects that belong to it.
     """
 
-    name: str
-    title: str
+    name: str  # As in `--model`, in file names and in JSON.
+    title: str  # As in sentences, such as `"second order"`.
+    # Parameter of each node [J/K], in the order of the nodes.
     capacitance: tuple[tuple[str, Parameter], ...]
+    # Parameter of each link [K/W]; the sink is the second end of its links.
     resistance: tuple[tuple[Link, Parameter], ...]
+    # Share [1] of the losses other than copper by node: a number, a parameter, or None for the one
+    # node that takes the rest.
     share: tuple[tuple[str, float | Parameter | None], ...]
-    copper: str
-    sink: str
+    copper: str  # Node that the copper loss heats.
+    sink: str  # Name of the boundary.
+    # Node that each measured temperature belongs to, by channel: the winding's and those of bodies.
     sensors: tuple[tuple[str, str], ...]
-    starts: tuple[tuple[str, str], ...]
-    effects: tuple[str, ...] = ()
+    starts: tuple[tuple[str, str], ...]  # Name of the start temperature of each node.
+    effects: tuple[str, ...] = ()  # Ids of the effects that belong to it.
+    # Name of the second boundary; empty where there is one sink. A network of two sinks names the
+    # channels that they are measured by, `"ambient"` and `"coolant"`.
     second_sink: str = ""
+    # Losses that follow the speed, apart from those that the shares divide.
     by_speed: tuple[SpeedLossForm, ...] = ()
 
     def compiled_as(self) -> tuple[Any, ...]:

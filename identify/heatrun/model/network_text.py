@@ -1,7 +1,5 @@
 """The text form of a network: TOML to `NetworkForm` and back, by file or by a built-in name."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

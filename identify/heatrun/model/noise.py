@@ -79,15 +79,10 @@ MANY = 200.0
 
 
 class _SlowMeans(NamedTuple):
-    """The mean of a slow part of variance 1 over blocks.
+    """The mean of a slow part of variance 1 over blocks."""
 
-    Attributes:
-        gain: Its share of the slow part at the first edge of the block [1].
-        variance: Its variance [1].
-    """
-
-    gain: Float[Array, "..."]
-    variance: Float[Array, "..."]
+    gain: Float[Array, "..."]  # Its share of the slow part at the first edge of the block [1].
+    variance: Float[Array, "..."]  # Its variance [1].
 
 
 def _slow_means(decay: Float[Array, "..."], count: Float[Array, "..."]) -> _SlowMeans:
@@ -106,19 +101,12 @@ def _slow_means(decay: Float[Array, "..."], count: Float[Array, "..."]) -> _Slow
 
 
 class Noise(eqx.Module):
-    """Noise of the block means.
+    """Noise of the block means."""
 
-    Attributes:
-        sd: Standard deviation of the slow part of a reading [K].
-        time: Its correlation time [s].
-        white: Standard deviation of the white part of a 20 s mean [K].
-        heat: Standard deviation of the unmodelled heat over the mean loss [1].
-    """
-
-    sd: Float[Any, ""]
-    time: Float[Any, ""]
-    white: Float[Any, ""]
-    heat: Float[Any, ""]
+    sd: Float[Any, ""]  # Standard deviation of the slow part of a reading [K].
+    time: Float[Any, ""]  # Its correlation time [s].
+    white: Float[Any, ""]  # Standard deviation of the white part of a 20 s mean [K].
+    heat: Float[Any, ""]  # Standard deviation of the unmodelled heat over the mean loss [1].
 
     def scaled(self, factor: Float[Any, "..."]) -> Noise:
         """Return the noise of a logger that is noisier by a factor [1], over the same time."""

@@ -19,7 +19,8 @@ import numpy as np
 from jaxtyping import Float
 
 from ..errors import InputError, did_you_mean
-from ..motor.file import RANGES, UNITS, limits_around, refuse_implausible
+from ..motor.file import RANGES, limits_around, refuse_implausible
+from ..motor.keys import UNITS
 from ..record.motor import Motor, ParameterOverride
 
 if TYPE_CHECKING:
@@ -35,32 +36,19 @@ Role = Literal["network", "resistance", "start", "instrument", "change", "effect
 
 @dataclass(frozen=True)
 class Parameter:
-    """One quantity of a model.
+    """One quantity of a model."""
 
-    Attributes:
-        name: As in priors, posteriors, sheets and JSON.
-        unit: SI unit as printed.
-        meaning: What it is, in a few words.
-        role: What it belongs to; `"instrument"` marks a type B uncertainty.
-        transform: `"log"` for positive quantities.
-        centre: Centre of the prior (its median), in `unit`.
-        sd: Standard deviation of the prior: of the logarithm [1] or in `unit`.
-        basis: Why the prior is what it is.
-        per_test: One value for each test instead of one for all.
-        fixed: Held at this value, in `unit`; None if it is estimated.
-        limit: Value that it cannot pass, such as 1 for a share, in `unit`; None if there is none.
-    """
-
-    name: str
-    unit: str
-    meaning: str
-    role: Role
-    transform: Transform
-    centre: float
-    sd: float
-    basis: str
-    per_test: bool = False
-    fixed: float | None = None
+    name: str  # As in priors, posteriors, sheets and JSON.
+    unit: str  # SI unit as printed.
+    meaning: str  # What it is, in a few words.
+    role: Role  # What it belongs to; `"instrument"` marks a type B uncertainty.
+    transform: Transform  # `"log"` for positive quantities.
+    centre: float  # Centre of the prior (its median), in `unit`.
+    sd: float  # Standard deviation of the prior: of the logarithm [1] or in `unit`.
+    basis: str  # Why the prior is what it is.
+    per_test: bool = False  # One value for each test instead of one for all.
+    fixed: float | None = None  # Held at this value, in `unit`; None if it is estimated.
+    # Value that it cannot pass, such as 1 for a share, in `unit`; None if there is none.
     limit: float | None = None
 
     def value(self, z: Float[Any, "..."]) -> Float[Any, "..."]:
@@ -93,17 +81,11 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Slot:
-    """A place in the vector of scores: a free parameter, of one test or of all.
+    """A place in the vector of scores: a free parameter, of one test or of all."""
 
-    Attributes:
-        parameter: What stands there.
-        test: Index of the test it belongs to, or None if shared.
-        name: Parameter name, with the test in brackets if it belongs to one.
-    """
-
-    parameter: Parameter
-    test: int | None
-    name: str
+    parameter: Parameter  # What stands there.
+    test: int | None  # Index of the test it belongs to, or None if shared.
+    name: str  # Parameter name, with the test in brackets if it belongs to one.
 
 
 Form = tuple[tuple[str, Transform, int | None], ...]
@@ -112,17 +94,11 @@ Form = tuple[tuple[str, Transform, int | None], ...]
 
 @dataclass(frozen=True)
 class ParameterSet:
-    """All parameters of a model over several tests, and their order in the vector of scores.
+    """All parameters of a model over several tests, and their order in the vector of scores."""
 
-    Attributes:
-        tests: Names of the tests.
-        by_test: The parameters as each test sees them, by name.
-        slots: The free ones, in order.
-    """
-
-    tests: tuple[str, ...]
-    by_test: tuple[Mapping[str, Parameter], ...]
-    slots: tuple[Slot, ...]
+    tests: tuple[str, ...]  # Names of the tests.
+    by_test: tuple[Mapping[str, Parameter], ...]  # The parameters as each test sees them, by name.
+    slots: tuple[Slot, ...]  # The free ones, in order.
 
     @property
     def num_free(self) -> int:
@@ -266,17 +242,11 @@ simulation with them would not be stable."""
 
 
 class Size(NamedTuple):
-    """The size of a machine, as far as effects go with it.
+    """The size of a machine, as far as effects go with it."""
 
-    Attributes:
-        capacity: Heat capacity of the whole machine as one node [J/K].
-        resistance: Its resistance to the sink [K/W].
-        speed: Rated speed [rad/s].
-    """
-
-    capacity: float
-    resistance: float
-    speed: float
+    capacity: float  # Heat capacity of the whole machine as one node [J/K].
+    resistance: float  # Its resistance to the sink [K/W].
+    speed: float  # Rated speed [rad/s].
 
 
 CATALOGUE = Size(capacity=10e3, resistance=0.18, speed=600.0)

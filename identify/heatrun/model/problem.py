@@ -32,19 +32,14 @@ from .parameters import Form, ParameterSet
 
 
 class Priors(eqx.Module):
-    """The numbers of a parameter set.
+    """The numbers of a parameter set."""
 
-    Attributes:
-        centre: Centre of each slot's prior [its unit], shape (parameter,).
-        sd: Its standard deviation, of the logarithm [1] or [its unit], shape (parameter,).
-        largest: Largest score of each slot, shape (parameter,): a share is one at most.
-        fixed: Fixed values by name, for each test.
-    """
-
-    centre: Float[Any, " parameter"]
+    centre: Float[Any, " parameter"]  # Centre of each slot's prior [its unit], shape (parameter,).
+    # Its standard deviation, of the logarithm [1] or [its unit], shape (parameter,).
     sd: Float[Any, " parameter"]
+    # Largest score of each slot, shape (parameter,): a share is one at most.
     largest: Float[Any, " parameter"]
-    fixed: tuple[dict[str, Float[Any, ""]], ...]
+    fixed: tuple[dict[str, Float[Any, ""]], ...]  # Fixed values by name, for each test.
 
     def values(
         self, form: Form, z: Float[Any, " parameter ..."], test: int
@@ -107,36 +102,23 @@ class Structure:
 
 
 class Data(eqx.Module):
-    """The numbers of a problem: a pytree.
+    """The numbers of a problem: a pytree."""
 
-    Attributes:
-        priors: Centres, standard deviations, fixed values.
-        tests: The reduced records.
-    """
-
-    priors: Priors
-    tests: tuple[Observation, ...]
+    priors: Priors  # Centres, standard deviations, fixed values.
+    tests: tuple[Observation, ...]  # The reduced records.
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A model and the tests it is to explain.
+    """A model and the tests it is to explain."""
 
-    Attributes:
-        model: Network with nuisances.
-        motor: What the motor file says.
-        tests: The reduced records.
-        parameters: The model's parameters over these tests.
-        heat: What unmodelled heat does to each test, as `Observation.heat`; None leaves it out.
-        loggers: Noise of each logger.
-    """
-
-    model: Model
-    motor: Motor
-    tests: tuple[Blocks, ...]
-    parameters: ParameterSet
+    model: Model  # Network with nuisances.
+    motor: Motor  # What the motor file says.
+    tests: tuple[Blocks, ...]  # The reduced records.
+    parameters: ParameterSet  # The model's parameters over these tests.
+    # What unmodelled heat does to each test, as `Observation.heat`; None leaves it out.
     heat: tuple[Float[np.ndarray, "block column"], ...] | None = None
-    loggers: Loggers = field(default_factory=dict)
+    loggers: Loggers = field(default_factory=dict)  # Noise of each logger.
 
     @classmethod
     def of(

@@ -46,17 +46,11 @@ Capacity = tuple[float, float, str]
 
 @dataclass(frozen=True)
 class Masses:
-    """What a motor file says of the masses of a machine.
+    """What a motor file says of the masses of a machine."""
 
-    Attributes:
-        whole: Mass of the machine [kg], or None if not known.
-        conductor: Mass of the conductor [kg], or None.
-        coefficient: B of its R(T) [degC].
-    """
-
-    whole: float | None = None
-    conductor: float | None = None
-    coefficient: float = 234.5
+    whole: float | None = None  # Mass of the machine [kg], or None if not known.
+    conductor: float | None = None  # Mass of the conductor [kg], or None.
+    coefficient: float = 234.5  # B of its R(T) [degC].
 
     def capacities(self, copper: str, others: Sequence[str]) -> dict[str, Capacity]:
         """Return what is known of the capacities of a network's nodes.
@@ -112,21 +106,13 @@ LEAST_RISE_K = 1.0
 
 @dataclass(frozen=True)
 class Scale:
-    """The scale of a machine.
+    """The scale of a machine."""
 
-    Attributes:
-        capacity: Heat capacity of the winding [J/K].
-        resistance: Resistance from the winding to the sink [K/W].
-        loss: Mean of the losses until the winding is hottest [W].
-        fastest: Largest speed [1000 rpm]; 0 where none was measured.
-        basis: Where it comes from, in words.
-    """
-
-    capacity: float
-    resistance: float
-    loss: float
-    fastest: float
-    basis: str
+    capacity: float  # Heat capacity of the winding [J/K].
+    resistance: float  # Resistance from the winding to the sink [K/W].
+    loss: float  # Mean of the losses until the winding is hottest [W].
+    fastest: float  # Largest speed [1000 rpm]; 0 where none was measured.
+    basis: str  # Where it comes from, in words.
 
 
 def scale_of_tests(tests: Sequence[Blocks], copper_ohm: float = 0.0) -> Scale | None:

@@ -1,7 +1,5 @@
 """Reading `[certificate]`: every key is known, every value checked."""
 
-from __future__ import annotations
-
 import datetime
 import re
 from collections.abc import Mapping
@@ -22,6 +20,7 @@ from ..io.toml_text import (
     text_of,
 )
 from ..record.motor import INSTRUMENT_KEYS, PLACES, Certificate, Instrument
+from .keys import KEYS
 
 NAME, LINES, PARAGRAPH = 120, 200, 500
 """Most letters of a name, of an address and of remarks: what page 1 has room for."""
@@ -46,8 +45,6 @@ TEXTS: dict[str, int] = {
 DATES = ("received", "test_from", "test_until", "issue_date")
 """Keys that hold a day."""
 
-KEYS = (*TEXTS, *DATES, "performed_at", "country", "language", "instruments")
-
 MOST_INSTRUMENTS = 30
 
 
@@ -59,7 +56,7 @@ def parse_certificate(section: Mapping[str, Any], where: str) -> Certificate:
             a character that cannot be printed.
     """
     at = f"{where}, [certificate]"
-    check_keys(section, KEYS, at, "key")
+    check_keys(section, KEYS["certificate"], at, "key")
     section = _given(section)
     given = {key: _clean(section, key, at, longest) for key, longest in TEXTS.items()}
     given |= {key: _day(section, key, at) for key in DATES}

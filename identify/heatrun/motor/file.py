@@ -6,13 +6,11 @@ numbers out with which nothing can be computed, such as 1e300, and a unit that i
 `[tests.NAME]` stands before them, `[population]` behind.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
@@ -27,7 +25,7 @@ from ..io.toml_text import (
     shown,
     text_of,
 )
-from ..record.channels import BODIES, CHANNEL, body_name, parse_claims
+from ..record.channels import BODIES, CHANNEL, parse_claims
 from ..record.motor import (
     EQUILIBRIA,
     HEAT_LIMITS,
@@ -43,8 +41,7 @@ from ..record.motor import (
 )
 from ..record.stretch import Stretch, in_order, parse_time
 from .certificate import parse_certificate
-
-PARTS_KEYS = ("use", "use_rows", "mask", "bridge", "gap", "load_offset", "columns")
+from .keys import KEYS, UNITS
 
 MOST_CHOICES = 20
 """Right-hand sides of one channel."""
@@ -72,7 +69,7 @@ def parse_parts(section: Mapping[str, Any], where: str) -> dict[str, PartsOfTest
                 where=at,
                 remedy=f"Write [tests.{name}] and below it use = [[600, 5400]], for example.",
             )
-        check_keys(keys, PARTS_KEYS, at, "key")
+        check_keys(keys, KEYS["tests.NAME"], at, "key")
         if "use" in keys and "use_rows" in keys:
             raise InputError(
                 "Both use and use_rows are given.", where=at, remedy="Keep one of them."
@@ -173,24 +170,6 @@ def _end(value: Any, key: str, where: str) -> float:
     )
 
 
-UNITS = {
-    "Ceq": "J/K", "Ceq_w": "J/K", "Ceq_sr": "J/K",
-    "Req": "K/W", "Req_w": "K/W", "Req_sr": "K/W",
-    "Rs0": "ohm",
-    "Tw_start": "degC", "Tsr_start": "degC",
-    "sensor_offset": "K", "ambient_offset": "K", "second_sink_offset": "K",
-    "power_gain": "1", "sensor_gain": "1", "current_gain": "1",
-    "torque_offset": "N m",
-    "shaft_power_gain": "1", "shaft_power_offset": "W",
-    "load_timing": "s",
-    **{
-        f"{body_name(channel)}_{part}": unit
-        for channel in BODIES
-        for part, unit in (("gain", "1"), ("offset", "K"), ("lag", "s"))
-    },
-}  # fmt: skip
-"""Units of the parameters beside those of effects, known before any model is made."""
-
 RANGES = {
     "J/K": (1e-3, 1e10),  # copper has 385 J/(kg K)
     "K/W": (1e-7, 1e5),  # still air around a thumb: some 100 K/W
@@ -286,17 +265,12 @@ HEAT = "unmodelled_heat"
 
 @dataclass(frozen=True)
 class NextMachine:
-    """What a population says of its next machine before its first test.
+    """What a population says of its next machine before its first test."""
 
-    Attributes:
-        parameters: Prior of each thermal parameter.
-        effects: Ids of the effects that its machines were calibrated with.
-        unmodelled_heat: Median of the prior of the heat that the network misses, sd over the mean
-            loss [1]; None where the machines do not tell it.
-    """
-
-    parameters: dict[str, ParameterOverride]
-    effects: tuple[str, ...] = ()
+    parameters: dict[str, ParameterOverride]  # Prior of each thermal parameter.
+    effects: tuple[str, ...] = ()  # Ids of the effects that its machines were calibrated with.
+    # Median of the prior of the heat that the network misses, sd over the mean loss [1]; None where
+    # the machines do not tell it.
     unmodelled_heat: float | None = None
 
 
@@ -377,21 +351,10 @@ def _is_sound(prior: ParameterOverride) -> bool:
 INSULATION_CLASSES = tuple(LIMIT_DEGC)
 """Letters of IEC 60085, in the order of their temperature."""
 
-KEYS: dict[str, tuple[str, ...]] = {
-    "motor": ("name", "phases", "losses", "sink", "insulation_class", "equilibrium",
-              "rated_speed_rpm", "rated_current_A", "mass_kg", "raster_s", "decimal"),
-    "winding": ("material", "resistance_coefficient_degC", "phase_resistance_ohm",
-                "reference_temperature_degC", "measured_resistance_ohm", "lead_resistance_ohm",
-                "conductor_mass_kg"),
-    "vehicle": ("gear_ratio", "wheel_radius_m"),
-    "adequacy": ("unmodelled_heat", "heat_time_s"),
-    "population": ("run",),
-    "shutdown": tuple(one.name for one in fields(ShutDown)),
-    "scales": tuple(one.name for one in fields(Scales)),
-}  # fmt: skip
-"""Sections with a fixed set of keys; `[columns]` and `[parameters.NAME]` have their own."""
+PLAIN = ("motor", "winding", "vehicle", "adequacy", "population", "shutdown", "scales")
+"""Sections whose keys are read one by one."""
 
-OVERRIDE_KEYS = ("fixed", "value", "relative_sd", "sd", "per_test")
+OVERRIDE_KEYS = KEYS["parameters.NAME"]
 
 LARGEST = 10**30
 """Beyond it no quantity of a motor means anything in any unit."""
@@ -431,18 +394,11 @@ def load_motor(path: str | Path) -> Motor:
 def parse_motor(data: bytes, where: str) -> Motor:
     """Return the machine of a motor file; errors as `load_motor`."""
     content = parse_toml(data, where)
-    check_keys(
-        content,
-        (*KEYS, "model", "columns", "constants", "sensors", "tests", "parameters", "certificate"),
-        where,
-        "section",
-    )
-    sections = {name: section_of(content, name, where) for name in KEYS}
-    for name, keys in KEYS.items():
-        check_keys(sections[name], keys, f"{where}, [{name}]", "key")
-    motor, winding, vehicle, adequacy, population, shutdown, scales = (
-        sections[name] for name in KEYS
-    )
+    check_keys(content, list(dict.fromkeys(n.partition(".")[0] for n in KEYS)), where, "section")
+    sections = {name: section_of(content, name, where) for name in PLAIN}
+    for name, section in sections.items():
+        check_keys(section, KEYS[name], f"{where}, [{name}]", "key")
+    motor, winding, vehicle, adequacy, population, shutdown, scales = sections.values()
     sisters = next_of_population(population, where)
     effects = _effects(section_of(content, "model", where), where)
     if "name" not in motor:
@@ -452,7 +408,7 @@ def parse_motor(data: bytes, where: str) -> Motor:
             remedy='Add: name = "…".',
         )
     at, at_winding, at_vehicle, at_adequacy, _, at_shutdown, at_scales = (
-        f"{where}, [{name}]" for name in KEYS
+        f"{where}, [{name}]" for name in PLAIN
     )
     return Motor(
         name=text_of(motor, "name", at),
@@ -577,7 +533,7 @@ def _leads(winding: Mapping[str, Any], where: str) -> float:
 
 def _effects(section: Mapping[str, Any], where: str) -> tuple[str, ...]:
     at = f"{where}, [model]"
-    check_keys(section, ("effects",), at, "key")
+    check_keys(section, KEYS["model"], at, "key")
     effects = section.get("effects", [])
     if not isinstance(effects, list) or not all(isinstance(e, str) for e in effects):
         raise InputError(

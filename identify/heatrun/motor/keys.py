@@ -1,10 +1,8 @@
-"""What each key of the motor file means, and the reference page that is generated from that.
+"""The keys of the motor file with their meaning, and the reference page that is made from that.
 
-`heatrun.motor.file` decides what is accepted; a test holds the two together. `python -m
-heatrun.motor.keys FILE` (`make docs`) writes the page again; a test compares the two.
+`heatrun.motor.file` accepts what is listed here. `python -m heatrun.motor.keys FILE` (`make docs`)
+writes the page again; a test compares the two.
 """
-
-from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Sequence
@@ -12,43 +10,28 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..io.whole_files import write_whole
-from ..record.channels import BODIES, CHANNELS
+from ..record.channels import BODIES, CHANNELS, body_name
 from ..record.motor import EQUILIBRIA
-from .file import UNITS
 
 
 @dataclass(frozen=True)
 class Key:
-    """One key of the motor file.
+    """One key of the motor file."""
 
-    Attributes:
-        name: As it is written.
-        meaning: One or two sentences, with the unit.
-        example: Right-hand side as TOML.
-        default: What holds where it is not given, in words.
-    """
-
-    name: str
-    meaning: str
-    example: str
-    default: str
+    name: str  # As it is written.
+    meaning: str  # One or two sentences, with the unit.
+    example: str  # Right-hand side as TOML.
+    default: str  # What holds where it is not given, in words.
 
 
 @dataclass(frozen=True)
 class Section:
-    """A section of the motor file.
+    """A section of the motor file."""
 
-    Attributes:
-        name: As it stands in brackets; `parameters.NAME` for one section for each parameter.
-        meaning: What it is for.
-        keys: Its keys; empty where they are names of channels.
-        is_list: It may stand several times, in double brackets.
-    """
-
-    name: str
-    meaning: str
-    keys: tuple[Key, ...] = ()
-    is_list: bool = False
+    name: str  # As it stands in brackets; `parameters.NAME` for one section for each parameter.
+    meaning: str  # What it is for.
+    keys: tuple[Key, ...] = ()  # Its keys; empty where they are names of channels.
+    is_list: bool = False  # It may stand several times, in double brackets.
 
     @property
     def heading(self) -> str:
@@ -345,35 +328,48 @@ SECTIONS: tuple[Section, ...] = (
 )  # fmt: skip
 """Every section, in the order of the file."""
 
-PARAMETER_MEANINGS: dict[str, str] = {
-    "Ceq": "Heat capacity of the machine (first order)",
-    "Req": "Thermal resistance from the machine to its sink (first order)",
-    "Ceq_w": "Heat capacity of the winding",
-    "Ceq_sr": "Heat capacity of stator and rotor",
-    "Req_w": "Thermal resistance from winding to stator",
-    "Req_sr": "Thermal resistance from stator to sink",
-    "Rs0": "Phase resistance at the reference temperature",
-    "Tw_start": "Temperature of the winding at the start of a test",
-    "Tsr_start": "Temperature of the stator at the start of a test",
-    "sensor_offset": "Offset of the winding's sensor",
-    "sensor_gain": "Relative error of the winding's sensor, of the rise above the sink",
-    "ambient_offset": "Offset of the sink's sensor",
-    "second_sink_offset": "Offset of the second sink's sensor, where the network has two sinks",
-    "power_gain": "Relative error of the losses",
-    "current_gain": "Relative error of the current",
-    "torque_offset": "Offset of the torque",
-    "shaft_power_gain": "Relative error of the mechanical power",
-    "shaft_power_offset": "Offset of the mechanical power",
-    "load_timing": "Moment of the load steps between samples",
+KNOWN_PARAMETERS: dict[str, tuple[str, str]] = {
+    "Ceq": ("J/K", "Heat capacity of the machine (first order)"),
+    "Req": ("K/W", "Thermal resistance from the machine to its sink (first order)"),
+    "Ceq_w": ("J/K", "Heat capacity of the winding"),
+    "Ceq_sr": ("J/K", "Heat capacity of stator and rotor"),
+    "Req_w": ("K/W", "Thermal resistance from winding to stator"),
+    "Req_sr": ("K/W", "Thermal resistance from stator to sink"),
+    "Rs0": ("ohm", "Phase resistance at the reference temperature"),
+    "Tw_start": ("degC", "Temperature of the winding at the start of a test"),
+    "Tsr_start": ("degC", "Temperature of the stator at the start of a test"),
+    "sensor_offset": ("K", "Offset of the winding's sensor"),
+    "sensor_gain": ("1", "Relative error of the winding's sensor, of the rise above the sink"),
+    "ambient_offset": ("K", "Offset of the sink's sensor"),
+    "second_sink_offset": ("K", "The same of the second sink's sensor, where there is one"),
+    "power_gain": ("1", "Relative error of the losses"),
+    "current_gain": ("1", "Relative error of the current"),
+    "torque_offset": ("N m", "Offset of the torque"),
+    "shaft_power_gain": ("1", "Relative error of the mechanical power"),
+    "shaft_power_offset": ("W", "Offset of the mechanical power"),
+    "load_timing": ("s", "Moment of the load steps between samples"),
 }
-"""Parameters that `[parameters.NAME]` may name, beside those of sensors, effects and networks."""
+"""Parameters that `[parameters.NAME]` may name, beside those of sensors, effects and networks: unit
+and meaning."""
 
-BODY_PARTS: dict[str, str] = {
-    "gain": "relative error of the sensor of a measured body",
-    "offset": "offset of the sensor of a measured body",
-    "lag": "time constant of the sensor of a measured body",
+BODY_PARTS: dict[str, tuple[str, str]] = {
+    "gain": ("1", "Relative error of the sensor of a measured body"),
+    "offset": ("K", "Offset of the sensor of a measured body"),
+    "lag": ("s", "Time constant of the sensor of a measured body"),
 }
 """The same for each measured body BODY, as `BODY_gain` and so on."""
+
+UNITS = {name: unit for name, (unit, _) in KNOWN_PARAMETERS.items()} | {
+    f"{body_name(channel)}_{part}": unit
+    for channel in BODIES
+    for part, (unit, _) in BODY_PARTS.items()
+}
+"""Units of the parameters beside those of effects, known before any model is made."""
+
+KEYS: dict[str, tuple[str, ...]] = {
+    section.name: tuple(key.name for key in section.keys) for section in SECTIONS
+}
+"""What each section may hold, where that is not channels."""
 
 
 HEAD = """# The motor file
@@ -419,10 +415,8 @@ def _section(section: Section) -> str:
     if section is MODEL:
         lines.append("The ids stand at the end of this page.\n")
     if section is PARAMETERS:
-        rows = [(f"`{name}`", meaning, UNITS[name]) for name, meaning in PARAMETER_MEANINGS.items()]
-        units = {"gain": "1", "offset": "K", "lag": "s"}
-        rows += [(f"`BODY_{part}`", meaning[:1].upper() + meaning[1:], units[part])
-                 for part, meaning in BODY_PARTS.items()]  # fmt: skip
+        rows = [(f"`{name}`", said, unit) for name, (unit, said) in KNOWN_PARAMETERS.items()]
+        rows += [(f"`BODY_{part}`", said, unit) for part, (unit, said) in BODY_PARTS.items()]
         lines += [
             "NAME is one of these, or a part of your own network (`Ceq_tooth`, `Req_tooth_yoke`, "
             "`share_yoke`); for BODY stands a channel of `[sensors]` without its unit.\n",

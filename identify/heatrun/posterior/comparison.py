@@ -1,7 +1,5 @@
 """Two networks on the same records: errors, scores, and what it means in words."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 

@@ -81,17 +81,11 @@ for nothing."""
 
 
 class Wanted(NamedTuple):
-    """What is asked of ensembles.
+    """What is asked of ensembles."""
 
-    Attributes:
-        size: Effective sample size (ESS).
-        tail_size: Effective sample size of the tails.
-        times: Length of each ensemble in autocorrelation times [1].
-    """
-
-    size: float
-    tail_size: float
-    times: float = 6.0
+    size: float  # Effective sample size (ESS).
+    tail_size: float  # Effective sample size of the tails.
+    times: float = 6.0  # Length of each ensemble in autocorrelation times [1].
 
 
 FULL = Wanted(800.0, 400.0)
@@ -107,26 +101,17 @@ QUICK = Wanted(400.0, 200.0)
 
 @dataclass(frozen=True)
 class Convergence:
-    """The verdict on an ensemble.
+    """The verdict on an ensemble."""
 
-    Attributes:
-        num_steps: Steps of each ensemble after burn-in.
-        autocorrelation: Longest integrated autocorrelation time [steps].
-        effective_size: Smallest effective sample size (ESS) of a mean.
-        tail_size: Smallest effective sample size of a share of draws in a tail.
-        rhat: Largest R-hat of means and tails [1].
-        agreement: Probability that means or tails of the ensembles and their halves differ by as
-            many of their Monte Carlo errors as they do, had all been drawn from one law [1].
-        wanted: What was asked for.
-    """
-
-    num_steps: int
-    autocorrelation: float
-    effective_size: float
-    tail_size: float
-    rhat: float
+    num_steps: int  # Steps of each ensemble after burn-in.
+    autocorrelation: float  # Longest integrated autocorrelation time [steps].
+    effective_size: float  # Smallest effective sample size (ESS) of a mean.
+    tail_size: float  # Smallest effective sample size of a share of draws in a tail.
+    rhat: float  # Largest R-hat of means and tails [1].
+    # Probability that means or tails of the ensembles and their halves differ by as many of their
+    # Monte Carlo errors as they do, had all been drawn from one law [1].
     agreement: float
-    wanted: Wanted = FULL
+    wanted: Wanted = FULL  # What was asked for.
 
     @property
     def is_enough(self) -> bool:
@@ -196,14 +181,10 @@ def is_one_law(
 
 
 class _Seen(NamedTuple):
-    """What is seen of some quantities.
+    """What is seen of some quantities."""
 
-    Attributes:
-        times: Integrated autocorrelation times [steps].
-        spread: Variance of the means of the halves over that of the draws [1].
-    """
-
-    times: Float[np.ndarray, " quantity"]
+    times: Float[np.ndarray, " quantity"]  # Integrated autocorrelation times [steps].
+    # Variance of the means of the halves over that of the draws [1].
     spread: Float[np.ndarray, " quantity"]
 
 

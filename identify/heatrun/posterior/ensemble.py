@@ -31,15 +31,10 @@ NUM_RANDOM_KEYS = 624
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A folder with the chunks of one ensemble.
+    """A folder with the chunks of one ensemble."""
 
-    Attributes:
-        folder: Where the chunks lie.
-        key: Digest of what is sampled; chunks of anything else are not taken up.
-    """
-
-    folder: Path
-    key: str
+    folder: Path  # Where the chunks lie.
+    key: str  # Digest of what is sampled; chunks of anything else are not taken up.
 
     def load(self) -> list[dict[str, np.ndarray]]:
         """Return the chunks in order, up to the first that is missing or cannot be gone on from.
@@ -114,15 +109,10 @@ def state_of(chunk: dict[str, np.ndarray]) -> emcee.State:
 
 
 class Shares(NamedTuple):
-    """Shares of the moves of an ensemble; evolution has the rest [1].
+    """Shares of the moves of an ensemble; evolution has the rest [1]."""
 
-    Attributes:
-        noise: That take one score of the noise anew.
-        anew: That take all scores anew, from the proposal of the importance sampling.
-    """
-
-    noise: float
-    anew: float
+    noise: float  # That take one score of the noise anew.
+    anew: float  # That take all scores anew, from the proposal of the importance sampling.
 
 
 ALONE = Shares(0.25, 0.0)

@@ -7,8 +7,6 @@ of its logarithm, the restricted likelihood says how large s is; where it is abo
 changes become parameters.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -314,15 +312,10 @@ above 10)."""
 
 
 class Scatter(NamedTuple):
-    """How much the parameters change from test to test.
+    """How much the parameters change from test to test."""
 
-    Attributes:
-        size: Standard deviation of the logarithm [1].
-        gain: Log likelihood ratio against none [nat].
-    """
-
-    size: float
-    gain: float
+    size: float  # Standard deviation of the logarithm [1].
+    gain: float  # Log likelihood ratio against none [nat].
 
 
 def test_to_test(found: Fit) -> Scatter:

@@ -3,8 +3,6 @@
 Behind it stands what the reduction of a record to steps costs, in kelvin of the simulated winding.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -46,15 +44,10 @@ LAST_LOAD_S = 600.0
 
 @dataclass(frozen=True)
 class Statement:
-    """What is said of one parameter.
+    """What is said of one parameter."""
 
-    Attributes:
-        verdict: In a word.
-        why: What blocks it, or what it rests on; a sentence.
-    """
-
-    verdict: Verdict
-    why: str
+    verdict: Verdict  # In a word.
+    why: str  # What blocks it, or what it rests on; a sentence.
 
 
 def state(

@@ -156,15 +156,10 @@ def covered(fit: Fit, weighted: Weighted) -> Bool[np.ndarray, " mode"]:
 
 @dataclass(frozen=True)
 class Several:
-    """Proposals around several optima.
+    """Proposals around several optima."""
 
-    Attributes:
-        parts: One for each.
-        shares: Shares of the draws [1].
-    """
-
-    parts: tuple[Rto, ...]
-    shares: Float[np.ndarray, " part"]
+    parts: tuple[Rto, ...]  # One for each.
+    shares: Float[np.ndarray, " part"]  # Shares of the draws [1].
 
     def draw(self, num: int, rng: np.random.Generator) -> Drawn:
         """Return draws, those of the parts in an order by chance."""
@@ -193,35 +188,24 @@ class Several:
 
 @dataclass(frozen=True)
 class _Place:
-    """What the proposals around one optimum say of a round's draws.
+    """What the proposals around one optimum say of a round's draws."""
 
-    Attributes:
-        given: Log density of the parameters given the noise, which they share [nat].
-        restricted: That of the noise alone under the linear model [nat].
-        noise: That of the noise under the law of each of their rounds [nat], as far as they were
-            asked for: each law is asked once.
-    """
-
+    # Log density of the parameters given the noise, which they share [nat].
     given: Float[np.ndarray, " draw"]
-    restricted: Float[np.ndarray, " draw"]
+    restricted: Float[np.ndarray, " draw"]  # That of the noise alone under the linear model [nat].
+    # That of the noise under the law of each of their rounds [nat], as far as they were asked for:
+    # each law is asked once.
     noise: list[Float[np.ndarray, " draw"]] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
 class _Round:
-    """Draws from one proposal.
+    """Draws from one proposal."""
 
-    Attributes:
-        proposal: The proposal.
-        weighted: The draws with their weights.
-        own: What the proposals around the same optimum say of them.
-        elsewhere: Likewise those around other optima, by the place of these; filled in where it is
-            asked for.
-    """
-
-    proposal: Rto
-    weighted: Weighted
-    own: _Place
+    proposal: Rto  # The proposal.
+    weighted: Weighted  # The draws with their weights.
+    own: _Place  # What the proposals around the same optimum say of them.
+    # Likewise those around other optima, by the place of these; filled in where it is asked for.
     elsewhere: dict[int, _Place] = field(default_factory=dict)
 
     @classmethod

@@ -63,37 +63,28 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class Posterior:
-    """Draws from the posterior of a fit.
+    """Draws from the posterior of a fit."""
 
-    Attributes:
-        fit: What was sampled.
-        vectors: Scores of parameters and noise, shape (chain, draw, all); a chain is one of the
-            ensembles, thinned, one walker after the other.
-        log_density: Unnormalised log posterior, shape (chain, draw).
-        method: How they were drawn.
-        weighted: The importance samples that came first; None for draws of a normal law.
-        convergence: Verdict on the ensembles; None for importance sampling.
-        was_to_be_quick: Whether the ensembles stand in for importance samples that could not be
-            trusted.
-        spared: Steps that ensembles would have taken which agree with the importance samples;
-            zero where none were begun.
-        plausible: Effects behind the draws, where these are averaged over models with one; None
-            where all draws are of the network alone.
-        alone: The posterior before it was averaged; None where it was not.
-        behind: Log Bayes factor of another network over this one, for which it was not sampled
-            [nat]; None where it was to be.
-    """
-
-    fit: Fit
+    fit: Fit  # What was sampled.
+    # Scores of parameters and noise, shape (chain, draw, all); a chain is one of the ensembles,
+    # thinned, one walker after the other.
     vectors: Float[np.ndarray, "chain draw all"]
-    log_density: Float[np.ndarray, "chain draw"]
-    method: Method
+    log_density: Float[np.ndarray, "chain draw"]  # Unnormalised log posterior, shape (chain, draw).
+    method: Method  # How they were drawn.
+    # The importance samples that came first; None for draws of a normal law.
     weighted: Weighted | None
-    convergence: Convergence | None
+    convergence: Convergence | None  # Verdict on the ensembles; None for importance sampling.
+    # Whether the ensembles stand in for importance samples that could not be trusted.
     was_to_be_quick: bool = False
+    # Steps that ensembles would have taken which agree with the importance samples; zero where none
+    # were begun.
     spared: int = 0
+    # Effects behind the draws, where these are averaged over models with one; None where all draws
+    # are of the network alone.
     plausible: PlausibleEffects | None = None
-    alone: Posterior | None = None
+    alone: Posterior | None = None  # The posterior before it was averaged; None where it was not.
+    # Log Bayes factor of another network over this one, for which it was not sampled [nat]; None
+    # where it was to be.
     behind: float | None = None
 
     @property

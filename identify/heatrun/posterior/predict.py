@@ -38,15 +38,10 @@ DECIDED = 2.0
 
 @dataclass(frozen=True)
 class ScoreDifference:
-    """Mean log score per block of one network less that of another, over the held-out tests.
+    """Mean log score per block of one network less that of another, over the held-out tests."""
 
-    Attributes:
-        difference: Network with more nodes minus the other, mean over the tests [nat].
-        standard_error: Of it, from the differences block by block [nat].
-    """
-
-    difference: float
-    standard_error: float
+    difference: float  # Network with more nodes minus the other, mean over the tests [nat].
+    standard_error: float  # Of it, from the differences block by block [nat].
 
     @property
     def is_decided(self) -> bool:
@@ -134,46 +129,34 @@ LEVELS = {"50": (0.25, 0.75), "95": (0.025, 0.975)}
 
 @dataclass(frozen=True)
 class Prediction:
-    """What a posterior says of one test, block by block.
+    """What a posterior says of one test, block by block."""
 
-    Attributes:
-        model: Network with effects.
-        test: The test.
-        is_held_out: Whether the posterior has not seen it; its start is then taken from its
-            first readings.
-        median: Reading at the median of the draws [degC], shape (block,).
-        parameters: Limits by level ("50", "95") from the parameters alone [degC].
-        total: Limits by level with the noise of a block mean [degC].
-        sd: Standard deviation with noise [K], shape (block,).
-        nodes: Median of the mean temperature of each node over each block [degC].
-        nodes_95: Its 95 % limits [degC].
-        flows: Median heat flow by link over each block [W].
-        flows_95: Its 95 % limits [W].
-        draws: The readings themselves, without noise [degC], shape (draw, block).
-        values: The parameters behind them by name [their units], shape (draw,).
-        middle: Their stated values, of the network without what it may miss [their units].
-        noise: The noise of the winding's readings for each draw.
-        heat: What unmodelled heat does to the winding's readings, as `Observation.heat`.
-        bodies: Measured bodies of the test, against the model.
-    """
-
-    model: Model
-    test: Blocks
+    model: Model  # Network with effects.
+    test: Blocks  # The test.
+    # Whether the posterior has not seen it; its start is then taken from its first readings.
     is_held_out: bool
+    # Reading at the median of the draws [degC], shape (block,).
     median: Float[np.ndarray, " block"]
+    # Limits by level ("50", "95") from the parameters alone [degC].
     parameters: Mapping[str, tuple[np.ndarray, np.ndarray]]
+    # Limits by level with the noise of a block mean [degC].
     total: Mapping[str, tuple[np.ndarray, np.ndarray]]
-    sd: Float[np.ndarray, " block"]
+    sd: Float[np.ndarray, " block"]  # Standard deviation with noise [K], shape (block,).
+    # Median of the mean temperature of each node over each block [degC].
     nodes: Mapping[str, np.ndarray]
-    nodes_95: Mapping[str, tuple[np.ndarray, np.ndarray]]
-    flows: Mapping[tuple[str, str], np.ndarray]
-    flows_95: Mapping[tuple[str, str], tuple[np.ndarray, np.ndarray]]
+    nodes_95: Mapping[str, tuple[np.ndarray, np.ndarray]]  # Its 95 % limits [degC].
+    flows: Mapping[tuple[str, str], np.ndarray]  # Median heat flow by link over each block [W].
+    flows_95: Mapping[tuple[str, str], tuple[np.ndarray, np.ndarray]]  # Its 95 % limits [W].
+    # The readings themselves, without noise [degC], shape (draw, block).
     draws: Float[np.ndarray, "draw block"]
+    # The parameters behind them by name [their units], shape (draw,).
     values: Mapping[str, np.ndarray]
+    # Their stated values, of the network without what it may miss [their units].
     middle: Mapping[str, float]
-    noise: Noise
+    noise: Noise  # The noise of the winding's readings for each draw.
+    # What unmodelled heat does to the winding's readings, as `Observation.heat`.
     heat: Float[np.ndarray, "block column"]
-    bodies: tuple[BodyCourse, ...] = ()
+    bodies: tuple[BodyCourse, ...] = ()  # Measured bodies of the test, against the model.
 
     @property
     def is_there(self) -> bool:
@@ -335,16 +318,11 @@ def unpredicted(posterior: Posterior, test: Blocks) -> Prediction:
 
 @dataclass(frozen=True)
 class OfTest:
-    """Draws of everything that drives the model through one test.
+    """Draws of everything that drives the model through one test."""
 
-    Attributes:
-        values: Draws by parameter name [their units], shape (draw,).
-        noise: Of the first logger for each draw.
-        plausible: Effects behind the draws, None if all are of the model alone.
-    """
-
-    values: dict[str, np.ndarray]
-    noise: Noise
+    values: dict[str, np.ndarray]  # Draws by parameter name [their units], shape (draw,).
+    noise: Noise  # Of the first logger for each draw.
+    # Effects behind the draws, None if all are of the model alone.
     plausible: PlausibleEffects | None = None
 
     def stated(self, draws: np.ndarray) -> Any:

@@ -49,35 +49,21 @@ AS_GIVEN = -1
 
 
 class Optima(eqx.Module):
-    """The linear models around the optima.
+    """The linear models around the optima."""
 
-    Attributes:
-        z: Scores at the optima.
-        residual: Residuals there [K].
-        jacobian: Their derivative [K per score].
-    """
-
-    z: Float[Any, "optimum parameter"]
-    residual: Float[Any, "optimum block"]
-    jacobian: Float[Any, "optimum block parameter"]
+    z: Float[Any, "optimum parameter"]  # Scores at the optima.
+    residual: Float[Any, "optimum block"]  # Residuals there [K].
+    jacobian: Float[Any, "optimum block parameter"]  # Their derivative [K per score].
 
 
 class Branches(eqx.Module):
-    """Parts of the density, and how the draws of each are moved and reshaped.
+    """Parts of the density, and how the draws of each are moved and reshaped."""
 
-    Attributes:
-        optimum: Which linear model each has.
-        share: Share of the draws [1].
-        shift: Mean of the scaled draws.
-        shape: Lower Cholesky factor of their shape.
-        whiten: Its inverse.
-    """
-
-    optimum: Int[Any, " branch"]
-    share: Float[Any, " branch"]
-    shift: Float[Any, "branch parameter"]
-    shape: Float[Any, "branch parameter parameter"]
-    whiten: Float[Any, "branch parameter parameter"]
+    optimum: Int[Any, " branch"]  # Which linear model each has.
+    share: Float[Any, " branch"]  # Share of the draws [1].
+    shift: Float[Any, "branch parameter"]  # Mean of the scaled draws.
+    shape: Float[Any, "branch parameter parameter"]  # Lower Cholesky factor of their shape.
+    whiten: Float[Any, "branch parameter parameter"]  # Its inverse.
 
     @classmethod
     def of(cls, optimum, share, shift, shape) -> Branches:
@@ -87,39 +73,25 @@ class Branches(eqx.Module):
 
 @dataclass(frozen=True)
 class Drawn:
-    """Draws with their density.
+    """Draws with their density."""
 
-    Attributes:
-        vectors: Scores of parameters and noise.
-        log_density: Of the proposal [nat].
-        scaled: The draws as each branch sees them, centred and scaled by its linear model.
-        log_parts: Log density of each branch [nat].
-        restricted: Log density of the noise alone under the first linear model, up to a constant
-            [nat].
-    """
-
-    vectors: Float[np.ndarray, "draw all"]
-    log_density: Float[np.ndarray, " draw"]
+    vectors: Float[np.ndarray, "draw all"]  # Scores of parameters and noise.
+    log_density: Float[np.ndarray, " draw"]  # Of the proposal [nat].
+    # The draws as each branch sees them, centred and scaled by its linear model.
     scaled: Float[np.ndarray, "draw branch parameter"]
-    log_parts: Float[np.ndarray, "draw branch"]
+    log_parts: Float[np.ndarray, "draw branch"]  # Log density of each branch [nat].
+    # Log density of the noise alone under the first linear model, up to a constant [nat].
     restricted: Float[np.ndarray, " draw"]
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """Where draws come from.
+    """Where draws come from."""
 
-    Attributes:
-        problem: What is sampled.
-        kernels: Density of the noise.
-        optima: Linear models.
-        branches: Some for each optimum.
-    """
-
-    problem: Problem
-    kernels: Kernels
-    optima: Optima
-    branches: Branches
+    problem: Problem  # What is sampled.
+    kernels: Kernels  # Density of the noise.
+    optima: Optima  # Linear models.
+    branches: Branches  # Some for each optimum.
 
     @classmethod
     def around(cls, fit: Fit, rng: np.random.Generator) -> Proposal:

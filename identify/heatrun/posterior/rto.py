@@ -71,18 +71,13 @@ NUM_TRIED = 512
 class Noises:
     """Noises from kernels, of which those are kept that the linear model finds likely.
 
-    Attributes:
-        kernels: What they are drawn from.
-        level: Log of the ratio of the two densities from which on each is kept [nat].
-        log_share: Log of the share that is kept [nat].
-
     Reference: J. S. Liu, R. Chen, W. H. Wong, Rejection Control and Sequential Importance Sampling,
         Journal of the American Statistical Association 93 (1998) 1022-1031.
     """
 
-    kernels: Kernels
-    level: float
-    log_share: float
+    kernels: Kernels  # What they are drawn from.
+    level: float  # Log of the ratio of the two densities from which on each is kept [nat].
+    log_share: float  # Log of the share that is kept [nat].
 
     @classmethod
     def of(cls, kernels: Kernels, log_ratio: Float[np.ndarray, " tried"]) -> Noises:
@@ -126,64 +121,43 @@ def _log_chance(log_ratio: Float[np.ndarray, "*draw"]) -> Float[np.ndarray, "*dr
 
 
 class _Linear(NamedTuple):
-    """What the linear model says of noises.
+    """What the linear model says of noises."""
 
-    Attributes:
-        value: s at the centre.
-        factor: Lower Cholesky factor of the covariance of s.
-        log_density: Of the noise alone, up to a constant [nat].
-    """
-
-    value: Float[np.ndarray, "draw parameter"]
+    value: Float[np.ndarray, "draw parameter"]  # s at the centre.
+    # Lower Cholesky factor of the covariance of s.
     factor: Float[np.ndarray, "draw parameter parameter"]
-    log_density: Float[np.ndarray, " draw"]
+    log_density: Float[np.ndarray, " draw"]  # Of the noise alone, up to a constant [nat].
 
 
 class _Seen(NamedTuple):
-    """The statistic s at many places.
+    """The statistic s at many places."""
 
-    Attributes:
-        value: s.
-        slope: ds/dz.
-    """
-
-    value: Float[np.ndarray, "draw parameter"]
-    slope: Float[np.ndarray, "draw parameter parameter"]
+    value: Float[np.ndarray, "draw parameter"]  # s.
+    slope: Float[np.ndarray, "draw parameter parameter"]  # ds/dz.
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """Draws with their density.
+    """Draws with their density."""
 
-    Attributes:
-        vectors: Scores of parameters and noise; where no place has the drawn s, the optimum with an
-            infinite density, so that it weighs nothing.
-        log_density: Of the proposal [nat].
-        restricted: Log density of the noise alone under the linear model, if there is one [nat].
-    """
-
+    # Scores of parameters and noise; where no place has the drawn s, the optimum with an infinite
+    # density, so that it weighs nothing.
     vectors: Float[np.ndarray, "draw all"]
-    log_density: Float[np.ndarray, " draw"]
+    log_density: Float[np.ndarray, " draw"]  # Of the proposal [nat].
+    # Log density of the noise alone under the linear model, if there is one [nat].
     restricted: Float[np.ndarray, " draw"]
 
 
 @dataclass(frozen=True)
 class Rto:
-    """The proposal.
+    """The proposal."""
 
-    Attributes:
-        fit: What is drawn from.
-        centre: Scores at which the model is linearised for s: the optimum, or the mean of draws.
-        residual: Residuals there, all tests in a row [K].
-        jacobian: Their derivative [K per score].
-        noises: Laws of the noise, which count alike.
-    """
-
-    fit: Fit
+    fit: Fit  # What is drawn from.
+    # Scores at which the model is linearised for s: the optimum, or the mean of draws.
     centre: Float[np.ndarray, " parameter"]
-    residual: Float[np.ndarray, " block"]
-    jacobian: Float[np.ndarray, "block parameter"]
-    noises: tuple[Noises, ...] = ()
+    residual: Float[np.ndarray, " block"]  # Residuals there, all tests in a row [K].
+    jacobian: Float[np.ndarray, "block parameter"]  # Their derivative [K per score].
+    noises: tuple[Noises, ...] = ()  # Laws of the noise, which count alike.
 
     @classmethod
     def around(

@@ -18,15 +18,12 @@ from ..model.problem import log_posterior_batch
 
 @dataclass(frozen=True)
 class Smoothed:
-    """Importance weights whose largest are replaced by the quantiles of a law fitted to them.
+    """Importance weights whose largest are replaced by the quantiles of a law fitted to them."""
 
-    Attributes:
-        log_weight: Their logarithms, normalised; -inf for a weight of zero, shape (draw,).
-        pareto_k: Shape of the generalised Pareto law of the largest weights [1]; infinite where
-            there is no tail to fit, as with equal weights, which stay as they are.
-    """
-
+    # Their logarithms, normalised; -inf for a weight of zero, shape (draw,).
     log_weight: Float[np.ndarray, " draw"]
+    # Shape of the generalised Pareto law of the largest weights [1]; infinite where there is no
+    # tail to fit, as with equal weights, which stay as they are.
     pareto_k: float
 
 
@@ -134,24 +131,17 @@ class AbstractProposal(Protocol):
 
 @dataclass(frozen=True)
 class Weighted:
-    """Draws with weights.
+    """Draws with weights."""
 
-    Attributes:
-        vectors: Scores of parameters and noise, shape (draw, all).
-        log_density: Unnormalised log posterior, shape (draw,).
-        weights: Normalised importance weights, their tail Pareto-smoothed, shape (draw,).
-        pareto_k: Shape of the Pareto fit to the largest weights [1].
-        log_evidence: Estimate of the log marginal likelihood, of the weights as they came: they
-            are without bias [nat].
-        proposal: Where they were drawn from.
-    """
-
-    vectors: Float[np.ndarray, "draw all"]
-    log_density: Float[np.ndarray, " draw"]
+    vectors: Float[np.ndarray, "draw all"]  # Scores of parameters and noise, shape (draw, all).
+    log_density: Float[np.ndarray, " draw"]  # Unnormalised log posterior, shape (draw,).
+    # Normalised importance weights, their tail Pareto-smoothed, shape (draw,).
     weights: Float[np.ndarray, " draw"]
-    pareto_k: float
+    pareto_k: float  # Shape of the Pareto fit to the largest weights [1].
+    # Estimate of the log marginal likelihood, of the weights as they came: they are without bias
+    # [nat].
     log_evidence: float
-    proposal: AbstractProposal
+    proposal: AbstractProposal  # Where they were drawn from.
 
     @classmethod
     def of(

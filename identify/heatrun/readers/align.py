@@ -7,8 +7,6 @@ result. The drive is then averaged over the time that each temperature sample st
 power is conserved; temperatures are never interpolated, since they are what a fit is scored on.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,26 +114,18 @@ RATE_GAIN = 10.0
 
 @dataclass(frozen=True)
 class Alignment:
-    """How the clocks of two loggers stand to each other.
+    """How the clocks of two loggers stand to each other."""
 
-    Attributes:
-        offset_s: What is added to the drive's clock to give the thermometer's [s].
-        sd_s: Standard uncertainty of the offset [s]: of the fit, and of which part of its interval
-            a logger stamps.
-        fit_sd_s: The part of the fit alone [s].
-        interval_95_s: Interval that holds the offset with 95 % [s].
-        explained: Share of the temperature's variance that the drive explains beyond decays [1].
-        method: How it was found.
-        findings: Doubts about it, and a note with its figures.
-    """
-
-    offset_s: float
+    offset_s: float  # What is added to the drive's clock to give the thermometer's [s].
+    # Standard uncertainty of the offset [s]: of the fit, and of which part of its interval a logger
+    # stamps.
     sd_s: float
-    fit_sd_s: float
-    interval_95_s: tuple[float, float]
+    fit_sd_s: float  # The part of the fit alone [s].
+    interval_95_s: tuple[float, float]  # Interval that holds the offset with 95 % [s].
+    # Share of the temperature's variance that the drive explains beyond decays [1].
     explained: float
-    method: str
-    findings: tuple[Finding, ...]
+    method: str  # How it was found.
+    findings: tuple[Finding, ...]  # Doubts about it, and a note with its figures.
 
 
 def join(

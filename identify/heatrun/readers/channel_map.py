@@ -1,7 +1,5 @@
 """From the columns of a file to canonical channels, by the motor file or by known names."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ Their look counts where it leaves one reading. Formats that headers state: hh:mm
 mm:ss.fff, dd/mm/yyyy hh:mm:ss.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from functools import partial
@@ -42,19 +40,12 @@ BRACKETED = re.compile(r"^(?P<label>[^()\[\]{}<>]*)[(\[{<](?P<inner>.*)[)\]}>]$"
 
 @dataclass(frozen=True)
 class TimeFormat:
-    """How a column of times is written.
+    """How a column of times is written."""
 
-    Attributes:
-        text: As the header states it.
-        parts: Letters of what stands in a cell, in order: d, h, m, s and f (a fraction).
-        separators: What stands between them.
-        order: Order of the date, `"day/month/year"` and so on; empty for a clock.
-    """
-
-    text: str
-    parts: str
-    separators: tuple[str, ...] = ()
-    order: str = ""
+    text: str  # As the header states it.
+    parts: str  # Letters of what stands in a cell, in order: d, h, m, s and f (a fraction).
+    separators: tuple[str, ...] = ()  # What stands between them.
+    order: str = ""  # Order of the date, `"day/month/year"` and so on; empty for a clock.
 
     @property
     def spoken(self) -> str:
@@ -151,28 +142,20 @@ FAR_LESS_REGULAR = 3.0
 
 @dataclass(frozen=True)
 class Values:
-    """The values of one column.
+    """The values of one column."""
 
-    Attributes:
-        numbers: Float64, shape (time,); of dates seconds from the first one; NaN where a cell holds
-            no such value.
-        note: How they were read if not as plain numbers, as a sentence without its subject.
-        question: What the cells leave open, or None.
-        doubt: What speaks against the reading, as a sentence, or empty.
-        start: Day of the first time, ISO 8601; empty where the cells do not say it for certain.
-        is_time: The cells were clock times or dates; the numbers are seconds.
-        unreadable: Which cells hold something that could not be read, shape (time,).
-        first_text: What stands in the first of these, or empty.
-    """
-
+    # Float64, shape (time,); of dates seconds from the first one; NaN where a cell holds no such
+    # value.
     numbers: np.ndarray
-    note: str = ""
-    question: Question | None = None
-    doubt: str = ""
+    note: str = ""  # How they were read if not as plain numbers, as a sentence without its subject.
+    question: Question | None = None  # What the cells leave open, or None.
+    doubt: str = ""  # What speaks against the reading, as a sentence, or empty.
+    # Day of the first time, ISO 8601; empty where the cells do not say it for certain.
     start: str = ""
-    is_time: bool = False
+    is_time: bool = False  # The cells were clock times or dates; the numbers are seconds.
+    # Which cells hold something that could not be read, shape (time,).
     unreadable: np.ndarray | None = None
-    first_text: str = ""
+    first_text: str = ""  # What stands in the first of these, or empty.
 
 
 Times = partial(Values, is_time=True)

@@ -37,21 +37,13 @@ HEATED = ((True, True), (True, False))
 
 @dataclass(frozen=True)
 class Heats:
-    """What the drive logged, on an even grid of its own clock.
+    """What the drive logged, on an even grid of its own clock."""
 
-    Attributes:
-        start_s: First sample [s].
-        step_s: Distance of samples [s].
-        values: Heats, each scaled to a peak of about one [1], shape (heat, time).
-        is_off_before: The log begins with the load, so that before it nothing flowed.
-        is_off_after: The log ends at rest, so that after it nothing flows.
-    """
-
-    start_s: float
-    step_s: float
-    values: np.ndarray
-    is_off_before: bool
-    is_off_after: bool
+    start_s: float  # First sample [s].
+    step_s: float  # Distance of samples [s].
+    values: np.ndarray  # Heats, each scaled to a peak of about one [1], shape (heat, time).
+    is_off_before: bool  # The log begins with the load, so that before it nothing flowed.
+    is_off_after: bool  # The log ends at rest, so that after it nothing flows.
 
     @property
     def end_s(self) -> float:
@@ -61,15 +53,11 @@ class Heats:
 
 @dataclass(frozen=True)
 class Whitening:
-    """What makes the residuals of a regression independent.
+    """What makes the residuals of a regression independent."""
 
-    Attributes:
-        coefficients: Autoregression as a filter, shape (order + 1,).
-        start: Decorrelates the first samples, that have no history, shape (order, order). Left out,
-            a misfit of any size at the start would cost nothing.
-    """
-
-    coefficients: np.ndarray
+    coefficients: np.ndarray  # Autoregression as a filter, shape (order + 1,).
+    # Decorrelates the first samples, that have no history, shape (order, order). Left out, a misfit
+    # of any size at the start would cost nothing.
     start: np.ndarray
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
@@ -91,24 +79,16 @@ class Response:
     bank of time constants, plus a constant and the decay of whatever went before. The lagged heats
     are integrated once on the drive's fine grid; an offset then only reads them elsewhere, far
     below the spacing of the temperatures.
-
-    Attributes:
-        middle_s: Mean time of each block on the thermometer's clock [s], shape (blocks,).
-        mean_degC: Mean temperature of each block [degC], shape (blocks,).
-        width_s: Width of a block [s].
-        heats: What the drive logged.
-        lags_s: Bank of time constants [s], shape (lag,).
-        areas: Integral over time of each heat after each lag [s], shape (lag * heat, time).
-        pairs: Fast and slow lag of each pair, as places in the bank, shape (pair, 2).
     """
 
-    middle_s: np.ndarray
-    mean_degC: np.ndarray
-    width_s: float
-    heats: Heats
-    lags_s: np.ndarray
+    middle_s: np.ndarray  # Mean time of each block on the thermometer's clock [s], shape (blocks,).
+    mean_degC: np.ndarray  # Mean temperature of each block [degC], shape (blocks,).
+    width_s: float  # Width of a block [s].
+    heats: Heats  # What the drive logged.
+    lags_s: np.ndarray  # Bank of time constants [s], shape (lag,).
+    # Integral over time of each heat after each lag [s], shape (lag * heat, time).
     areas: np.ndarray
-    pairs: np.ndarray
+    pairs: np.ndarray  # Fast and slow lag of each pair, as places in the bank, shape (pair, 2).
 
     def columns(self, offset_s: float, rate: float = 1.0) -> np.ndarray:
         """Return all regressors, shape (blocks, lag * heat + lag + 1), at an offset [s] that is
@@ -186,19 +166,12 @@ class Response:
 
 @dataclass(frozen=True)
 class Fit:
-    """A regression at one offset.
+    """A regression at one offset."""
 
-    Attributes:
-        squares: Least sum of whitened squares [K^2].
-        residual_K: Residuals before whitening [K], shape (blocks,).
-        used: Columns of the best pair of lags, shape (gains,).
-        gain: Their gains [K], shape (gains,).
-    """
-
-    squares: float
-    residual_K: np.ndarray
-    used: np.ndarray
-    gain: np.ndarray
+    squares: float  # Least sum of whitened squares [K^2].
+    residual_K: np.ndarray  # Residuals before whitening [K], shape (blocks,).
+    used: np.ndarray  # Columns of the best pair of lags, shape (gains,).
+    gain: np.ndarray  # Their gains [K], shape (gains,).
 
 
 def prepare_response(
@@ -277,17 +250,11 @@ PLAIN = Whitening(np.eye(1, ORDER + 1)[0], np.eye(ORDER))
 
 @dataclass(frozen=True)
 class OffsetProfile:
-    """The likelihood of an offset where it is not negligible, under a flat prior.
+    """The likelihood of an offset where it is not negligible, under a flat prior."""
 
-    Attributes:
-        offset_s: Offsets, increasing [s], shape (tried,).
-        log_likelihood: Relative to the best, shape (tried,).
-        is_at_edge: The likelihood reaches the end of the range that was searched.
-    """
-
-    offset_s: np.ndarray
-    log_likelihood: np.ndarray
-    is_at_edge: bool
+    offset_s: np.ndarray  # Offsets, increasing [s], shape (tried,).
+    log_likelihood: np.ndarray  # Relative to the best, shape (tried,).
+    is_at_edge: bool  # The likelihood reaches the end of the range that was searched.
 
     @property
     def mean_s(self) -> float:
@@ -334,20 +301,14 @@ def stamp_sd_s(step_s: float, other_s: float) -> float:
 
 @dataclass(frozen=True)
 class ResponseOffset:
-    """The offset at which the winding answers the drive.
+    """The offset at which the winding answers the drive."""
 
-    Attributes:
-        profile: Its likelihood.
-        explained: Share of the temperature's variance that the drive's heat explains beyond
-            constant and decays [1].
-        gain: Log likelihood over that of a drive without influence.
-        num_effective: Independent samples that the likelihood counts [1].
-    """
-
-    profile: OffsetProfile
+    profile: OffsetProfile  # Its likelihood.
+    # Share of the temperature's variance that the drive's heat explains beyond constant and decays
+    # [1].
     explained: float
-    gain: float
-    num_effective: float
+    gain: float  # Log likelihood over that of a drive without influence.
+    num_effective: float  # Independent samples that the likelihood counts [1].
 
 
 def offset_of_response(response: Response, max_offset_s: float) -> ResponseOffset:

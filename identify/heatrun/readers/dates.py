@@ -5,8 +5,6 @@ have words or other signs in them: the month in letters, no signs at all, a colo
 thousandths, hours and minutes by their letter, years and days by their character.
 """
 
-from __future__ import annotations
-
 import datetime
 import re
 from collections.abc import Iterable, Iterator, Mapping

@@ -6,8 +6,6 @@ behind them are what reading the whole file would give. Where not, the whole fil
 seldom that it takes a small share of the time.
 """
 
-from __future__ import annotations
-
 import io
 import time
 from collections.abc import Mapping
@@ -78,15 +76,10 @@ class GrowingColumns:
 
 @dataclass(frozen=True)
 class Other:
-    """A column of numbers that is no channel.
+    """A column of numbers that is no channel."""
 
-    Attributes:
-        values: As they stand in the file, shape (time,).
-        unit: Unit text of the file, or empty.
-    """
-
-    values: np.ndarray
-    unit: str = ""
+    values: np.ndarray  # As they stand in the file, shape (time,).
+    unit: str = ""  # Unit text of the file, or empty.
 
 
 def other_columns(path: Path, record: Record) -> dict[str, Other]:
@@ -167,39 +160,27 @@ HEAD_BYTES = 4096
 
 @dataclass(frozen=True)
 class Followed:
-    """A growing test at one look.
+    """A growing test at one look."""
 
-    Attributes:
-        record: What of it is whole.
-        others: The columns of numbers that are no channel, by name.
-        notice: What happened to the file, as a sentence, or empty.
-    """
-
-    record: Record
+    record: Record  # What of it is whole.
+    # The columns of numbers that are no channel, by name.
     others: Mapping[str, Other] = field(default_factory=dict)
-    notice: str = ""
+    notice: str = ""  # What happened to the file, as a sentence, or empty.
 
 
 @dataclass
 class _Known:
-    """What is known of the file since it was read whole.
+    """What is known of the file since it was read whole."""
 
-    Attributes:
-        record: As it was read then, without its channels.
-        num_rows: Rows that it had.
-        head: What stands above the data; None if new lines cannot be read under it.
-        lines: The last lines.
-        anchor: Row that the first of them is.
-    """
-
-    record: Record
-    num_rows: int
+    record: Record  # As it was read then, without its channels.
+    num_rows: int  # Rows that it had.
     channels: GrowingColumns
     others: GrowingColumns
     other_units: Mapping[str, str]
+    # What stands above the data; None if new lines cannot be read under it.
     head: bytes | None = None
-    lines: bytes = b""
-    anchor: int = 0
+    lines: bytes = b""  # The last lines.
+    anchor: int = 0  # Row that the first of them is.
     num_lost: int = 0
 
 

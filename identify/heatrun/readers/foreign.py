@@ -1,7 +1,5 @@
 """Calling a library on a file that may be damaged: quiet, and with our own error alone."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import logging

@@ -7,8 +7,6 @@ marked as good counts as missing, whatever the format, as do those that a measur
 invalidates.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -138,19 +136,14 @@ LONGEST_MARK = 40
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of a file, as it stands there and as it was read.
+    """A variable of a file, as it stands there and as it was read."""
 
-    Attributes:
-        name: As it stands in the file.
-        cells: What the file holds, text or numbers, shape (time,); None if it is no course.
-        values: The numbers that were read, along one axis as long; None if there are none.
-        is_time: Whether they are times, which no mark takes away.
-    """
-
-    name: str
+    name: str  # As it stands in the file.
+    # What the file holds, text or numbers, shape (time,); None if it is no course.
     cells: pd.Series | np.ndarray | None
+    # The numbers that were read, along one axis as long; None if there are none.
     values: np.ndarray | None = None
-    is_time: bool = False
+    is_time: bool = False  # Whether they are times, which no mark takes away.
 
 
 def without_bad(

@@ -5,8 +5,6 @@ Within a bridged gap no reading is compared; the network runs through it on the 
 or on none. Each of two parts has start temperatures of its own.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -12,8 +12,6 @@ A unit without a mark is found in the parts of a label between blanks, "_", "-",
 - At the end also what is a unit of another quantity and can be nothing else: an error.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -68,21 +66,13 @@ PREFIXED = {"power": "W", "voltage": "V", "torque": "Nm", "phase current": "A", 
 
 @dataclass(frozen=True)
 class NamedUnit:
-    """A unit that stands in a label without a mark.
+    """A unit that stands in a label without a mark."""
 
-    Attributes:
-        unit: Its text.
-        stem: The label without it and what stands behind it.
-        behind: Words of statistics and numbers behind it.
-        is_sure: It can be nothing else than a unit.
-        doubt: Why it may be none, or empty.
-    """
-
-    unit: str
-    stem: str
-    behind: tuple[str, ...] = ()
-    is_sure: bool = False
-    doubt: str = ""
+    unit: str  # Its text.
+    stem: str  # The label without it and what stands behind it.
+    behind: tuple[str, ...] = ()  # Words of statistics and numbers behind it.
+    is_sure: bool = False  # It can be nothing else than a unit.
+    doubt: str = ""  # Why it may be none, or empty.
 
 
 @lru_cache(maxsize=16384)

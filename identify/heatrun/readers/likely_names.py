@@ -6,8 +6,6 @@ word that is not known is split into known ones that make up the whole of it, as
 `MEANINGS` says what each word means, `SPOKEN` which meanings make which channel.
 """
 
-from __future__ import annotations
-
 import re
 import unicodedata
 from collections.abc import Iterator, Sequence, Set
@@ -221,17 +219,12 @@ LINKS = ("", "s", "n", "es", "en", "e")
 
 @dataclass(frozen=True)
 class Spoken:
-    """What a name says.
+    """What a name says."""
 
-    Attributes:
-        meanings: Of its words.
-        is_clear: Each of its words is known, and none is a number or takes a part of the values.
-        is_symbol: Its quantity is said by a symbol alone.
-    """
-
-    meanings: frozenset[str]
+    meanings: frozenset[str]  # Of its words.
+    # Each of its words is known, and none is a number or takes a part of the values.
     is_clear: bool
-    is_symbol: bool
+    is_symbol: bool  # Its quantity is said by a symbol alone.
 
     @property
     def is_electrical_speed(self) -> bool:

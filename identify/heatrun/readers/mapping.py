@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..errors import InputError
+from ..io.quantities import aligned
 from ..record.by_resistance import by_resistance
 from ..record.channels import CHANNEL, Channel, combine, known_by, sensors_differ
 from ..record.derive import constants_of, formulas
@@ -212,38 +213,29 @@ EFFECTIVE = re.compile(r"rms|(?:^|[^a-z])eff(?![a-z])|effekt", re.IGNORECASE)
 
 @dataclass
 class MappedColumns:
-    """The canonical channels of one file; filled during one call of `map_columns` and then left.
+    """The canonical channels of one file; filled during one call of `map_columns` and then left."""
 
-    Attributes:
-        where: The file, for messages.
-        taken: Canonical name to its column.
-        channels: Canonical name to float64 in the canonical unit, shape (time,).
-        excluded: Canonical names that no column may become.
-        notes: What was mapped from where, and with which unit.
-        findings: Doubts about the mapping.
-        readings: How each column became its channel.
-        parts: Canonical name to the columns that it combines, where it does.
-        read_of: Canonical name to the readings of those, by column, in the canonical unit.
-        refused: Name of a column to the reason why it is no channel, whatever it looks like.
-        decided: Channels whose unit `[columns]` itself gives.
-        absent: Identities of columns whose zeros stand for what was not recorded.
-        unused: Columns that became no channel.
-        rate_Hz: Sampling rate that `[columns]` gives in place of a time column [Hz], or None.
-    """
-
-    where: str
-    taken: dict[str, Column] = field(default_factory=dict)
+    where: str  # The file, for messages.
+    taken: dict[str, Column] = field(default_factory=dict)  # Canonical name to its column.
+    # Canonical name to float64 in the canonical unit, shape (time,).
     channels: dict[str, np.ndarray] = field(default_factory=dict)
-    excluded: set[str] = field(default_factory=set)
+    excluded: set[str] = field(default_factory=set)  # Canonical names that no column may become.
+    # What was mapped from where, and with which unit.
     notes: list[str] = field(default_factory=list)
-    findings: list[Finding] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)  # Doubts about the mapping.
+    # How each column became its channel.
     readings: list[ColumnReading] = field(default_factory=list)
+    # Canonical name to the columns that it combines, where it does.
     parts: dict[str, list[Column]] = field(default_factory=dict)
+    # Canonical name to the readings of those, by column, in the canonical unit.
     read_of: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
+    # Name of a column to the reason why it is no channel, whatever it looks like.
     refused: dict[str, str] = field(default_factory=dict)
-    decided: set[str] = field(default_factory=set)
+    decided: set[str] = field(default_factory=set)  # Channels whose unit `[columns]` itself gives.
+    # Identities of columns whose zeros stand for what was not recorded.
     absent: set[int] = field(default_factory=set)
-    unused: tuple[str, ...] = ()
+    unused: tuple[str, ...] = ()  # Columns that became no channel.
+    # Sampling rate that `[columns]` gives in place of a time column [Hz], or None.
     rate_Hz: float | None = None
 
     @property
@@ -450,15 +442,10 @@ KEPT = 17
 
 @dataclass(frozen=True)
 class ReadColumns:
-    """How the columns of a test were read.
+    """How the columns of a test were read."""
 
-    Attributes:
-        name: The test.
-        mapping: From `describe_mapping`.
-    """
-
-    name: str
-    mapping: list[ColumnReading]
+    name: str  # The test.
+    mapping: list[ColumnReading]  # From `describe_mapping`.
 
 
 def describe_mapping(record: Record) -> list[ColumnReading]:
@@ -506,11 +493,7 @@ def mapping_text(tests: Sequence[ReadColumns | DescribedTest]) -> str:
     """Return aligned tables of columns and channels; tests that were read alike share one."""
     blocks = []
     for names, rows in grouped(tests):
-        widths = [max(len(line[i]) for line in (HEAD, *rows)) for i in range(len(HEAD) - 1)]
-        lines = [f"Columns of {names}"]
-        for line in (HEAD, *rows):
-            cells = [cell.ljust(width) for cell, width in zip(line, (*widths, 0), strict=True)]
-            lines.append("  " + "  ".join(cells).rstrip())
+        lines = [f"Columns of {names}", *aligned((HEAD, *rows), "  ")]
         assumed = [row[0] for row in rows if row[3] == KNOWN_BY["assumed"]]
         if assumed:
             lines.append(f"  {assumption(assumed)}")

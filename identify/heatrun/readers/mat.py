@@ -5,8 +5,6 @@ holds one signal, as Simulink ("structure with time": `signals(k).values`, `.lab
 (`Y(k).Data`, `.Name`, `.Unit`) write them, gives the signal its name and its unit.
 """
 
-from __future__ import annotations
-
 import io
 import math
 from collections import Counter
@@ -43,19 +41,12 @@ MOST_COLUMNS = 200
 
 @dataclass(frozen=True)
 class Leaf:
-    """One variable.
+    """One variable."""
 
-    Attributes:
-        name: How MATLAB calls it, such as `log.signals(2).values`.
-        heading: What it is called in words, such as its label; mostly its own field.
-        value: Its numbers, or what it is instead.
-        texts: The elements of a cell of texts.
-    """
-
-    name: str
-    heading: str
-    value: Stored | str
-    texts: tuple[str, ...] = ()
+    name: str  # How MATLAB calls it, such as `log.signals(2).values`.
+    heading: str  # What it is called in words, such as its label; mostly its own field.
+    value: Stored | str  # Its numbers, or what it is instead.
+    texts: tuple[str, ...] = ()  # The elements of a cell of texts.
 
 
 def leaves(variables: Mapping[str, Nested], joint: str = ".") -> list[Leaf]:

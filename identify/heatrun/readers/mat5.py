@@ -7,8 +7,6 @@ those take few lines.
 Reference: The MathWorks, MAT-File Format, chapter 1, "Level 5 MAT-file format".
 """
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Iterator

@@ -13,8 +13,6 @@ conversions are multiplied out. That a channel lies in its record is seen from w
 parsed. Layout of the blocks: ASAM MCD-4 MDF, version 4.2.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import struct

@@ -3,8 +3,6 @@
 What is needed follows from the names alone, so it is decided before a value is read.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
@@ -19,74 +17,47 @@ from ..record.table import Column, Stated, Table
 
 @dataclass(frozen=True)
 class StoredChannel:
-    """One channel of a measurement file, not yet read.
+    """One channel of a measurement file, not yet read."""
 
-    Attributes:
-        name: As it stands in the file.
-        group: Group that holds it.
-        unit: Unit text of the file, or None.
-        key: Where the reader finds it.
-        text: What it holds instead of numbers ("text"), empty for numbers.
-        refusal: Why its numbers are not read, with the remedy; None if they are.
-    """
-
-    name: str
-    group: str
-    unit: str | None
-    key: tuple[int, int] | str
-    text: str = ""
+    name: str  # As it stands in the file.
+    group: str  # Group that holds it.
+    unit: str | None  # Unit text of the file, or None.
+    key: tuple[int, int] | str  # Where the reader finds it.
+    text: str = ""  # What it holds instead of numbers ("text"), empty for numbers.
+    # Why its numbers are not read, with the remedy; None if they are.
     refusal: tuple[str, str] | None = None
 
 
 @dataclass(frozen=True)
 class Series:
-    """The samples of one channel.
+    """The samples of one channel."""
 
-    Attributes:
-        values: Float64, NaN where invalid, shape (time,).
-        time_s: Times from the start of the measurement [s], shape (time,); None if the file
-            gives none.
-    """
-
-    values: np.ndarray
+    values: np.ndarray  # Float64, NaN where invalid, shape (time,).
+    # Times from the start of the measurement [s], shape (time,); None if the file gives none.
     time_s: np.ndarray | None
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """An open measurement file.
+    """An open measurement file."""
 
-    Attributes:
-        channels: Everything that it holds, without the channels of time.
-        read: From channels to their series, in the same order; called for what is needed only.
-        reader: Format and version.
-        start: When the measurement began, as the file says it, or empty.
-        time_names: Names that the channels of time have in the file.
-        findings: Doubts about the file.
-        time_unit_from: How it is known that the times are seconds.
-    """
-
-    channels: tuple[StoredChannel, ...]
+    channels: tuple[StoredChannel, ...]  # Everything that it holds, without the channels of time.
+    # From channels to their series, in the same order; called for what is needed only.
     read: Callable[[Sequence[StoredChannel]], list[Series]]
-    reader: str
-    start: str = ""
-    time_names: tuple[str, ...] = ()
-    findings: tuple[Finding, ...] = ()
-    time_unit_from: UnitSource = "stated"
+    reader: str  # Format and version.
+    start: str = ""  # When the measurement began, as the file says it, or empty.
+    time_names: tuple[str, ...] = ()  # Names that the channels of time have in the file.
+    findings: tuple[Finding, ...] = ()  # Doubts about the file.
+    time_unit_from: UnitSource = "stated"  # How it is known that the times are seconds.
 
 
 @dataclass(frozen=True)
 class Header:
-    """The columns of a measurement, by the names under which `[columns]` can ask for them.
+    """The columns of a measurement, by the names under which `[columns]` can ask for them."""
 
-    Attributes:
-        channels: Column name to the channel behind it; numbers only.
-        texts: Column name to what it holds instead of numbers.
-        time: The column of time, its values not yet known; None if the file gives no times.
-    """
-
-    channels: Mapping[str, StoredChannel]
-    texts: Mapping[str, str]
+    channels: Mapping[str, StoredChannel]  # Column name to the channel behind it; numbers only.
+    texts: Mapping[str, str]  # Column name to what it holds instead of numbers.
+    # The column of time, its values not yet known; None if the file gives no times.
     time: Column | None
 
     def table(

@@ -5,8 +5,6 @@ voltages and currents, are formed at their full rate and averaged afterwards. Th
 is not the product of the means.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -251,17 +249,12 @@ STEP_SLACK = 1.001
 
 @dataclass(frozen=True)
 class Axis:
-    """Columns that share their times.
+    """Columns that share their times."""
 
-    Attributes:
-        time_s: Times [s], shape (time,); numbers of the samples where the file gives no times.
-        values: Column name to samples, shape (time,).
-        has_times: The file gives times.
-    """
-
+    # Times [s], shape (time,); numbers of the samples where the file gives no times.
     time_s: np.ndarray
-    values: dict[str, np.ndarray]
-    has_times: bool = True
+    values: dict[str, np.ndarray]  # Column name to samples, shape (time,).
+    has_times: bool = True  # The file gives times.
 
 
 def axes_of(series: Mapping[str, Series], where: str) -> list[Axis]:

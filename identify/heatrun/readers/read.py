@@ -3,8 +3,6 @@
 Measurement files are read channel by channel from the disk and never as a whole.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 from collections.abc import Callable, Iterator

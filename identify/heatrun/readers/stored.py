@@ -5,8 +5,6 @@ netCDF (NUG, appendix A, "Attribute conventions") and CF 1.11, sections 3.1, 4.4
 The reader of Parquet tables is here whole; it needs the extra `heatrun[parquet]`.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import re
@@ -82,19 +80,13 @@ NO_UNIT = ("", "none", "null", "n/a", "unknown", "undefined", "nan")
 
 @dataclass(frozen=True)
 class Stored:
-    """The numbers of a variable as they are meant.
+    """The numbers of a variable as they are meant."""
 
-    Attributes:
-        values: Float64, in the shape of the file; NaN where the file marks a missing value.
-        unit: Unit text that stands beside them, or None.
-        note: What was done to them, or empty.
-        question: What the file leaves open, or None.
-    """
-
+    # Float64, in the shape of the file; NaN where the file marks a missing value.
     values: np.ndarray
-    unit: str | None = None
-    note: str = ""
-    question: Question | None = None
+    unit: str | None = None  # Unit text that stands beside them, or None.
+    note: str = ""  # What was done to them, or empty.
+    question: Question | None = None  # What the file leaves open, or None.
 
     @property
     def is_plain(self) -> bool:
@@ -129,19 +121,12 @@ class Stored:
 
 @dataclass
 class _Reading:
-    """Values on their way, and what was met.
+    """Values on their way, and what was met."""
 
-    Attributes:
-        values: As far as they are read.
-        stored_as: Type of the numbers in the file.
-        notes: What was done.
-        problems: What was not understood.
-    """
-
-    values: np.ndarray
-    stored_as: np.dtype
-    notes: list[str] = field(default_factory=list)
-    problems: list[str] = field(default_factory=list)
+    values: np.ndarray  # As far as they are read.
+    stored_as: np.dtype  # Type of the numbers in the file.
+    notes: list[str] = field(default_factory=list)  # What was done.
+    problems: list[str] = field(default_factory=list)  # What was not understood.
 
 
 def wanted(names: Sequence[str]) -> list[str]:

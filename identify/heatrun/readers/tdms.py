@@ -7,8 +7,6 @@ library builds or reads what is in them.
 Layout of the lead-in: National Instruments, "TDMS File Format Internal Structure".
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import re
@@ -140,17 +138,11 @@ LEAST_KNOWN: tuple[UnitSource, ...] = ("assumed", "name", "stated")
 
 @dataclass(frozen=True)
 class Clock:
-    """Where the times of a group come from.
+    """Where the times of a group come from."""
 
-    Attributes:
-        channel: The channel of times, None if each channel has a start and an increment.
-        origin: First date in it, None for plain numbers.
-        unit: Unit of plain numbers that `[columns]` gives, None if it gives none.
-    """
-
-    channel: Any = None
-    origin: np.datetime64 | None = None
-    unit: str | None = None
+    channel: Any = None  # The channel of times, None if each channel has a start and an increment.
+    origin: np.datetime64 | None = None  # First date in it, None for plain numbers.
+    unit: str | None = None  # Unit of plain numbers that `[columns]` gives, None if it gives none.
 
 
 @contextlib.contextmanager

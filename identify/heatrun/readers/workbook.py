@@ -5,8 +5,6 @@ sign, as `225e-1`: it then counts under either sign, and what the text reader fi
 decimal signs rests on the cells of text alone.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import re
@@ -44,16 +42,11 @@ HEADER_ROWS = 40
 
 @dataclass(frozen=True)
 class Sheet:
-    """A sheet of an open workbook of the library's.
+    """A sheet of an open workbook of the library's."""
 
-    Attributes:
-        name: As on its tab.
-        where: The file, for messages.
-    """
-
-    name: str
+    name: str  # As on its tab.
     is_hidden: bool
-    where: str
+    where: str  # The file, for messages.
     book: Any
     opened: Any
 

@@ -83,21 +83,13 @@ UNITS = {"shaft_power_gain": "", "shaft_power_offset": " W", "torque_offset": " 
 
 
 class Told(NamedTuple):
-    """An error of the balance, as the inputs of one test tell it.
+    """An error of the balance, as the inputs of one test tell it."""
 
-    Attributes:
-        name: The parameter that stands for it.
-        mean: Its estimate [unit of the parameter].
-        sd: Standard deviation of the estimate [likewise].
-        usual: Standard deviation of its prior before any test is looked at [likewise].
-        seen: What shows it, a sentence.
-    """
-
-    name: str
-    mean: float
-    sd: float
-    usual: float
-    seen: str
+    name: str  # The parameter that stands for it.
+    mean: float  # Its estimate [unit of the parameter].
+    sd: float  # Standard deviation of the estimate [likewise].
+    usual: float  # Standard deviation of its prior before any test is looked at [likewise].
+    seen: str  # What shows it, a sentence.
 
 
 def together(tests: Sequence[Sequence[Told]]) -> list[tuple[Told, ...]]:

@@ -41,44 +41,26 @@ def length_class(num: int, *, is_seldom: bool = False) -> int:
 
 
 class Logger(NamedTuple):
-    """What a test's readings were recorded with: tests that agree in it share their noise.
+    """What a test's readings were recorded with: tests that agree in it share their noise."""
 
-    Attributes:
-        sample_s: Sampling period to two digits [s].
-        resolution_K: Resolution of the readings to two digits [K]; 0 if none is seen.
-        sensor: Column of the file that holds the readings; empty where it is not known.
-    """
-
-    sample_s: float
-    resolution_K: float
-    sensor: str
+    sample_s: float  # Sampling period to two digits [s].
+    resolution_K: float  # Resolution of the readings to two digits [K]; 0 if none is seen.
+    sensor: str  # Column of the file that holds the readings; empty where it is not known.
 
 
 @dataclass(frozen=True)
 class Body:
-    """Readings of a body beside the winding, reduced to the same blocks.
+    """Readings of a body beside the winding, reduced to the same blocks."""
 
-    Attributes:
-        channel: Its channel, such as `"stator_degC"`.
-        measured: As `Blocks.measured`.
-        weight: As `Blocks.weight`.
-        position: As `Blocks.position`.
-        count: As `Blocks.count`.
-        time: As `Blocks.time`.
-        rounding_K: As `Blocks.rounding_K`.
-        start_degC: Mean of its first readings [degC].
-        sensor: As `Blocks.sensor`.
-    """
-
-    channel: str
-    measured: Float[np.ndarray, " block"]
-    weight: Float[np.ndarray, "block step"]
-    position: Float[np.ndarray, "block step"]
-    count: Float[np.ndarray, " block"]
-    time: Float[np.ndarray, " block"]
-    rounding_K: float
-    start_degC: float
-    sensor: str
+    channel: str  # Its channel, such as `"stator_degC"`.
+    measured: Float[np.ndarray, " block"]  # As `Blocks.measured`.
+    weight: Float[np.ndarray, "block step"]  # As `Blocks.weight`.
+    position: Float[np.ndarray, "block step"]  # As `Blocks.position`.
+    count: Float[np.ndarray, " block"]  # As `Blocks.count`.
+    time: Float[np.ndarray, " block"]  # As `Blocks.time`.
+    rounding_K: float  # As `Blocks.rounding_K`.
+    start_degC: float  # Mean of its first readings [degC].
+    sensor: str  # As `Blocks.sensor`.
 
     @property
     def is_observed(self) -> np.ndarray:
@@ -92,58 +74,43 @@ class Blocks:
 
     With `with_bodies`, the rows of further sensors follow those of the winding: then `row` below
     stands for the blocks of the winding, and then of each body in turn.
-
-    Attributes:
-        name: Name of the test.
-        means: Means over the steps, all of one length, by the names of `lptn.Inputs`; shape
-            (step,). What was not recorded is not among them.
-        measured: Mean of the readings of each block [degC], shape (row,); NaN without any.
-        weight: Share of each step in the mean of its block [1], shape (row, step per block); the
-            same for each where nothing was read.
-        position: Mean position of the samples within each step, 0 its start and 1 its end [1],
-            shape (row, step per block).
-        count: Readings per block, shape (row,).
-        time: Mean time of the readings of each block [s], shape (row,).
-        block_s: Length of a block [s].
-        rounding_K: Resolution of the readings [K]; 0 if none is seen.
-        start_degC: Mean reading over the first block's first few seconds [degC].
-        sample_s: Median sampling period [s].
-        bodies: Readings of other bodies than the winding.
-        fitted: Channels of those whose rows follow the winding's.
-        sensor: Column of the file that holds the readings; empty where it is not known.
-        first_s: Time on the record's own axis at which the grid begins [s].
-        has_current: Whether the phase current was recorded or stated; if not, it enters as 0.
-        sensor_sd: Standard uncertainty of a winding temperature that no sensor reads: offset [K],
-            and relative error of the rise [1]; None for a sensor.
-        load_variance: Variance of each block's mean of the winding, from load steps at unknown
-            moments between two samples [K^2], shape (block,); None for none. What `load_columns`
-            holds is not in it.
-        load_columns: What the largest of those steps do to the means of the winding [K], as columns
-            whose outer product is its covariance, shape (block, column); None for none.
-        notes: Sentences on what was interpolated or held.
-        told: Errors of its balance of powers that the inputs tell by themselves.
     """
 
-    name: str
+    name: str  # Name of the test.
+    # Means over the steps, all of one length, by the names of `lptn.Inputs`; shape (step,). What
+    # was not recorded is not among them.
     means: Mapping[str, Float[np.ndarray, "..."]]
+    # Mean of the readings of each block [degC], shape (row,); NaN without any.
     measured: Float[np.ndarray, " row"]
+    # Share of each step in the mean of its block [1], shape (row, step per block); the same for
+    # each where nothing was read.
     weight: Float[np.ndarray, "row step"]
+    # Mean position of the samples within each step, 0 its start and 1 its end [1], shape (row, step
+    # per block).
     position: Float[np.ndarray, "row step"]
-    count: Float[np.ndarray, " row"]
-    time: Float[np.ndarray, " row"]
-    block_s: float
-    rounding_K: float
-    start_degC: float
-    sample_s: float
-    bodies: tuple[Body, ...] = ()
-    fitted: tuple[str, ...] = ()
-    sensor: str = ""
-    first_s: float = 0.0
+    count: Float[np.ndarray, " row"]  # Readings per block, shape (row,).
+    time: Float[np.ndarray, " row"]  # Mean time of the readings of each block [s], shape (row,).
+    block_s: float  # Length of a block [s].
+    rounding_K: float  # Resolution of the readings [K]; 0 if none is seen.
+    start_degC: float  # Mean reading over the first block's first few seconds [degC].
+    sample_s: float  # Median sampling period [s].
+    bodies: tuple[Body, ...] = ()  # Readings of other bodies than the winding.
+    fitted: tuple[str, ...] = ()  # Channels of those whose rows follow the winding's.
+    sensor: str = ""  # Column of the file that holds the readings; empty where it is not known.
+    first_s: float = 0.0  # Time on the record's own axis at which the grid begins [s].
+    # Whether the phase current was recorded or stated; if not, it enters as 0.
     has_current: bool = True
+    # Standard uncertainty of a winding temperature that no sensor reads: offset [K], and relative
+    # error of the rise [1]; None for a sensor.
     sensor_sd: tuple[float, float] | None = None
+    # Variance of each block's mean of the winding, from load steps at unknown moments between two
+    # samples [K^2], shape (block,); None for none. What `load_columns` holds is not in it.
     load_variance: Float[np.ndarray, " block"] | None = None
+    # What the largest of those steps do to the means of the winding [K], as columns whose outer
+    # product is its covariance, shape (block, column); None for none.
     load_columns: Float[np.ndarray, "block column"] | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # Sentences on what was interpolated or held.
+    # Errors of its balance of powers that the inputs tell by themselves.
     told: tuple[Told, ...] = ()
     _winding: Blocks | None = None
 

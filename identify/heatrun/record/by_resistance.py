@@ -57,15 +57,10 @@ LINE = "[winding] measured_resistance_ohm"
 
 @dataclass(frozen=True)
 class Reference:
-    """The resistance that a winding is measured against.
+    """The resistance that a winding is measured against."""
 
-    Attributes:
-        ohm: At the reference temperature, without leads [ohm].
-        note: How it is known.
-    """
-
-    ohm: float
-    note: str
+    ohm: float  # At the reference temperature, without leads [ohm].
+    note: str  # How it is known.
 
 
 def with_winding(record: Record, motor: Motor) -> Record:

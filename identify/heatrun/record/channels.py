@@ -24,19 +24,12 @@ from .record import Finding, UnitSource
 
 @dataclass(frozen=True)
 class Channel:
-    """One quantity that a bench may record.
+    """One quantity that a bench may record."""
 
-    Attributes:
-        name: Canonical name, with the unit at its end.
-        quantity: Key of `heatrun.record.units.QUANTITIES`.
-        unit: Canonical unit, as it is printed.
-        meaning: One sentence for lists and reports.
-    """
-
-    name: str
-    quantity: str
-    unit: str
-    meaning: str
+    name: str  # Canonical name, with the unit at its end.
+    quantity: str  # Key of `heatrun.record.units.QUANTITIES`.
+    unit: str  # Canonical unit, as it is printed.
+    meaning: str  # One sentence for lists and reports.
 
 
 CHANNELS: tuple[Channel, ...] = (
@@ -122,21 +115,17 @@ class ColumnMap:
     """How one kind of bench names its columns.
 
     Labels are compared without their unit, first as written, then without regard to case.
-
-    Attributes:
-        name: What the map is called in notes.
-        entries: Label of the column (without unit) to canonical channel.
-        units: Unit of a label where the file gives none; without an entry, the canonical unit.
-        num_needed: So many labels of `entries` and `refused` must be present for the map to hold.
-        zero_means_absent: Labels that hold zeros alone when the bench did not record them.
-        refused: Labels that look like a channel and are none, with the reason.
     """
 
-    name: str
-    entries: Mapping[str, str]
+    name: str  # What the map is called in notes.
+    entries: Mapping[str, str]  # Label of the column (without unit) to canonical channel.
+    # Unit of a label where the file gives none; without an entry, the canonical unit.
     units: Mapping[str, str] = field(default_factory=dict)
+    # So many labels of `entries` and `refused` must be present for the map to hold.
     num_needed: int = 1
+    # Labels that hold zeros alone when the bench did not record them.
     zero_means_absent: frozenset[str] = frozenset()
+    # Labels that look like a channel and are none, with the reason.
     refused: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -556,31 +545,19 @@ RATE = re.compile(r"^rate\s+(?P<rate>[0-9.eE+-]+)\s*Hz$", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class Claim:
-    """What one line of `[columns]` says.
+    """What one line of `[columns]` says."""
 
-    Attributes:
-        channel: Canonical name.
-        text: The right-hand side as written.
-        label: Its column name without the unit.
-        unit: Its unit text, or None.
-        base: What stands before square brackets at its end, whatever it is; empty without them.
-        bracket: What stands in them.
-        rate_Hz: Sampling rate that stands for a time column [Hz], or None.
-        how: `"mean"`, `"hottest"` or `"sum"` of several columns; empty for one.
-        parts: What it says of each of them.
-        is_choice: It is one of several that hold in the files that have them.
-    """
-
-    channel: str
-    text: str
-    label: str
-    unit: str | None
+    channel: str  # Canonical name.
+    text: str  # The right-hand side as written.
+    label: str  # Its column name without the unit.
+    unit: str | None  # Its unit text, or None.
+    # What stands before square brackets at its end, whatever it is; empty without them.
     base: str = ""
-    bracket: str = ""
-    rate_Hz: float | None = None
-    how: str = ""
-    parts: tuple[Claim, ...] = ()
-    is_choice: bool = False
+    bracket: str = ""  # What stands in them.
+    rate_Hz: float | None = None  # Sampling rate that stands for a time column [Hz], or None.
+    how: str = ""  # `"mean"`, `"hottest"` or `"sum"` of several columns; empty for one.
+    parts: tuple[Claim, ...] = ()  # What it says of each of them.
+    is_choice: bool = False  # It is one of several that hold in the files that have them.
 
 
 Columns = Mapping[str, str | tuple[str, ...]]

@@ -1,7 +1,5 @@
 """Channels that follow from measured or stated ones: losses from powers, current from d and q."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -22,20 +20,14 @@ def _always(channels: Channels) -> bool:
 
 @dataclass(frozen=True)
 class Derivation:
-    """One way to a channel that was not measured.
+    """One way to a channel that was not measured."""
 
-    Attributes:
-        channel: What follows.
-        needs: From which channels.
-        compute: From these channels and the number of phases to the values, shape (time,).
-        formula: For the note on the record.
-        holds: Whether it is open with the values of these channels.
-    """
-
-    channel: str
-    needs: tuple[str, ...]
+    channel: str  # What follows.
+    needs: tuple[str, ...]  # From which channels.
+    # From these channels and the number of phases to the values, shape (time,).
     compute: Callable[[Channels, int], np.ndarray]
-    formula: str
+    formula: str  # For the note on the record.
+    # Whether it is open with the values of these channels.
     holds: Callable[[Channels], bool] = _always
 
     @property

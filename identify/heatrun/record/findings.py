@@ -11,8 +11,6 @@ numbers that nobody has seen before. That it failed is a finding on its part, sa
 would stand (`Attempts`), and everything else is written.
 """
 
-from __future__ import annotations
-
 import sys
 import traceback
 from collections.abc import Callable, Iterable
@@ -38,16 +36,11 @@ ORDER: dict[Doubt, str] = {
 
 
 class Kind(NamedTuple):
-    """All findings of one id.
+    """All findings of one id."""
 
-    Attributes:
-        meaning: What was found, in a sentence.
-        doubt: What a warning puts in doubt, of `ORDER`.
-        said: The same said of the record, as in "To be cleared up first: …"; empty where it is not.
-    """
-
-    meaning: str
-    doubt: Doubt = ""
+    meaning: str  # What was found, in a sentence.
+    doubt: Doubt = ""  # What a warning puts in doubt, of `ORDER`.
+    # The same said of the record, as in "To be cleared up first: …"; empty where it is not.
     said: str = ""
 
 

@@ -25,8 +25,6 @@ Blanks that do not break, full-width signs and dashes of all lengths count as th
 and memory grow with the length of the cell alone, and a cell is at most `LONGEST_NAME` long.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from functools import lru_cache
@@ -125,15 +123,10 @@ EDGES = " _-:|,/=."
 
 @dataclass(frozen=True)
 class Heading:
-    """What a column name says.
+    """What a column name says."""
 
-    Attributes:
-        label: The name without its marked units.
-        units: The marked units in their order, mostly one or none.
-    """
-
-    label: str
-    units: tuple[str, ...]
+    label: str  # The name without its marked units.
+    units: tuple[str, ...]  # The marked units in their order, mostly one or none.
 
 
 def split_name(name: str, where: str = "") -> tuple[str, str | None]:

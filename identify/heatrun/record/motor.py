@@ -3,6 +3,8 @@
 The certificate's part (who, what, when, with which instruments) stands in `[certificate]` or in a
 file of its own (`--meta`). All of it may be left out; what is not given is a blank line on the
 certificate.
+
+What stands in the motor file under the name of a field is explained in `heatrun.motor.keys`.
 """
 
 from __future__ import annotations
@@ -26,15 +28,7 @@ INSTRUMENT_KEYS = ("quantity", "instrument", "class", "calibration", "valid_unti
 
 @dataclass(frozen=True)
 class Instrument:
-    """A measuring instrument.
-
-    Attributes:
-        quantity: What it measured.
-        instrument: Its name, with type and number.
-        accuracy_class: Its class or uncertainty.
-        calibration: Reference of its own calibration.
-        valid_until: Day until which that is valid, ISO 8601.
-    """
+    """A measuring instrument."""
 
     quantity: str = ""
     instrument: str = ""
@@ -45,31 +39,7 @@ class Instrument:
 
 @dataclass(frozen=True)
 class Certificate:
-    """What `[certificate]` says; what is not given is empty. Days are ISO 8601.
-
-    Attributes:
-        number: Number of the certificate.
-        laboratory: Who made the test.
-        laboratory_address: Where the laboratory is.
-        customer: For whom.
-        customer_address: Where the customer is.
-        machine_type: Type of the machine.
-        manufacturer: Of the machine.
-        serial_number: Of the machine.
-        condition: State in which the machine was tested.
-        operator: Who ran the test.
-        approved_by: Who answers for the certificate.
-        bench: The test bench.
-        remarks: Whatever else is to stand there.
-        received: Day on which the machine came.
-        test_from: First day of the test.
-        test_until: Last day of the test.
-        issue_date: Day on which the certificate was issued.
-        performed_at: One of `PLACES`.
-        country: Of the laboratory, two letters of ISO 3166-1.
-        language: Of the sheet, by `heatrun.io.texts.LANGUAGES`; empty for English.
-        instruments: What was measured with.
-    """
+    """What `[certificate]` says; what is not given is empty. Days are ISO 8601."""
 
     number: str = ""
     laboratory: str = ""
@@ -120,15 +90,7 @@ def _as_table(instrument: Instrument) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class ParameterOverride:
-    """What `[parameters.NAME]` in the motor file says; unset fields keep the default.
-
-    Attributes:
-        fixed: The parameter is not estimated but held at this value (in its unit).
-        value: Centre of the prior (in its unit).
-        relative_sd: Standard deviation of the prior relative to the value [1].
-        sd: Standard deviation of the prior (in the parameter's unit).
-        per_test: Estimated for each test apart instead of shared.
-    """
+    """What `[parameters.NAME]` in the motor file says; unset fields keep the default."""
 
     fixed: float | None = None
     value: float | None = None
@@ -155,19 +117,12 @@ WARMEST_AIR_DEGC = 40.0
 
 
 class Criterion(NamedTuple):
-    """When a temperature rise counts as steady.
+    """When a temperature rise counts as steady."""
 
-    Attributes:
-        change_K: It changes by at most so much [K],
-        over_s: over so long [s].
-        num_intervals: In so many successive intervals; two may be shorter, the gradient counts.
-        source: Where it stands.
-    """
-
-    change_K: float
-    over_s: float
-    num_intervals: int
-    source: str
+    change_K: float  # It changes by at most so much [K],
+    over_s: float  # over so long [s].
+    num_intervals: int  # In so many successive intervals; two may be shorter, the gradient counts.
+    source: str  # Where it stands.
 
     @property
     def K_per_h(self) -> float:
@@ -191,13 +146,7 @@ HEAT_LIMITS = (1e-5, 0.05)
 
 @dataclass(frozen=True)
 class Adequacy:
-    """How far a network of a few nodes is trusted: the prior of the heat that it misses.
-
-    Attributes:
-        unmodelled_heat: Median of the prior of its standard deviation, over the mean loss [1].
-        heat_time_s: Its correlation time [s]: between the time constants of a winding and of a
-            machine.
-    """
+    """How far a network of a few nodes is trusted: the prior of the heat that it misses."""
 
     unmodelled_heat: float = 0.0015
     heat_time_s: float = 1200.0
@@ -207,11 +156,6 @@ class Adequacy:
 class Scales:
     """What the laws of effects divide by: one figure for all tests of a machine, also for those
     that are predicted. A parameter such as `stray_load_loss.k` holds there.
-
-    Attributes:
-        speed_rpm: Speed [rpm].
-        current_A: Rms current [A].
-        flow_L_per_min: Flow of the coolant [L/min].
     """
 
     speed_rpm: float | None = None
@@ -221,26 +165,7 @@ class Scales:
 
 @dataclass(frozen=True)
 class ShutDown:
-    """What `[shutdown]` says of the readings after switch-off; standard deviations are k = 1.
-
-    Attributes:
-        cold_resistance_sd: Of `measured_resistance_ohm`, relative [1].
-        cold_temperature_sd_K: Of the winding when that was measured [K].
-        coefficient_sd_degC: Of B [degC].
-        lead_sd: Of `lead_resistance_ohm`, relative [1].
-        reading_sd_K: Of one reading, as a temperature [K]; None where the readings are to tell.
-        sensor_sd_K: Offset of a sensor [K].
-        sensor_lag_s: Time constant of a sensor [s]; 0 for none.
-        sink_sd_K: Of the sink [K].
-        moment_sd_s: Of the moment of switch-off [s].
-        run_down_s: Time constant of the speed's run-down [s]; 0 where the rotor is stopped at once
-            or does not matter, None where it is not known.
-        losses_after: Share of the losses that stay after switch-off [1].
-        losses_after_sd: Its standard deviation [1].
-        current_after: Share of the current that flows on after switch-off [1].
-        rated_output_kW: Rated output [kW], which sets the delay that the standard allows.
-        utilisation_class: Class whose rise is permitted, where it is another than the insulation's.
-    """
+    """What `[shutdown]` says of the readings after switch-off; standard deviations are k = 1."""
 
     cold_resistance_sd: float = 0.002
     cold_temperature_sd_K: float = 1.0
@@ -264,103 +189,76 @@ GapLoad = Literal["held", "zero", "unknown"]
 
 @dataclass(frozen=True)
 class PartsOfTest:
-    """What `[tests.NAME]` says: which parts of a record count.
+    """What `[tests.NAME]` says: which parts of a record count."""
 
-    Attributes:
-        use: Stretches that are used, each as a test of its own; none for the whole record.
-        mask: Windows whose readings are not compared, first and last time [s].
-        bridge: Windows whose loads are interpolated, likewise.
-        gap_load: The load in gaps of the logger; None where the record is to tell.
-        columns: Its own `[columns]`, before those of the motor file.
-        load_offset_s: What is added to the clock of the load to give that of the temperatures [s];
-            None where nothing is known of it.
-    """
-
+    # Stretches that are used, each as a test of its own; none for the whole record.
     use: tuple[Stretch, ...] = ()
+    # Windows whose readings are not compared, first and last time [s].
     mask: tuple[tuple[float, float], ...] = ()
-    bridge: tuple[tuple[float, float], ...] = ()
+    bridge: tuple[tuple[float, float], ...] = ()  # Windows whose loads are interpolated, likewise.
+    # The load in gaps of the logger; None where the record is to tell.
     gap_load: GapLoad | None = None
+    # Its own `[columns]`, before those of the motor file.
     columns: Columns = field(default_factory=dict)
+    # What is added to the clock of the load to give that of the temperatures [s]; None where
+    # nothing is known of it.
     load_offset_s: float | None = None
 
 
 @dataclass(frozen=True)
 class Motor:
-    """The machine under test and how its bench measures it.
+    """The machine under test and how its bench measures it."""
 
-    Attributes:
-        name: As it stands on the sheet.
-        phases: Number of phases [1].
-        losses: `"balance"`: the channel `losses_W` is the measured total Pd, electrical in minus
-            mechanical out. `"map"`: it is the other losses Pol alone, from a map or a model.
-        sink: Which channel is the temperature T0 that the stator loses its heat to.
-        insulation_class: IEC 60085 class letter, or None.
-        equilibrium: Which of `EQUILIBRIA` its tests are judged by.
-        rated_speed_rpm: Speed that effects are scaled with [rpm], or None for the largest seen.
-        rated_current_A: Rms current that effects are scaled with, or None for the largest seen; and
-            that the steady rise is stated at, or None for that of the loaded part of the tests [A].
-        mass_kg: Mass of the machine without gear and carriage [kg], or None if not known.
-        conductor_mass_kg: Mass of the bare conductor of the winding [kg], or None.
-        resistance_coefficient_degC: B of R(T) = R (B + T)/(B + Tref) [degC].
-        phase_resistance_ohm: Rs0 at the reference temperature [ohm], or None if not known.
-        reference_temperature_degC: Temperature that Rs0 holds for [degC].
-        measured_resistance_ohm: Of the circuit whose resistance tells the winding temperature, with
-            leads, at the reference temperature [ohm], or None.
-        lead_resistance_ohm: Of the leads in it [ohm].
-        gear_ratio: Motor speed over wheel speed [1], or None.
-        wheel_radius_m: Rolling radius [m], or None.
-        columns: Canonical channel to `"column in the file [unit]"`, or to several of which the
-            first counts whose column a file has.
-        constants: Value of a channel that holds for a whole test, in the channel's unit, for
-            records that do not have it.
-        parameters: Overrides of prior or value by parameter name.
-        sensors: Node that a measured body is fitted as, by its channel; `"none"`: it is held
-            against the model and not fitted. Where nothing is said, the network decides.
-        tests: Which parts of a test count, by its name.
-        effects: Ids of known effects that every model of this machine has.
-        scales: What effects are scaled with, where tests have told it already.
-        adequacy: How far its networks are trusted.
-        shutdown: What is known of readings after switch-off.
-        certificate: What a certificate of its tests says beside the results.
-        raster_s: Step that MDF and TDMS channels are averaged to [s], or None for the samples of
-            the winding.
-        decimal: Decimal sign of the bench's text tables, `"."` or `","`; the other one then
-            separates thousands. None finds it out of each file, and asks where it cannot.
-        sha256: Digest of the motor file, empty if made in memory.
-        path: The motor file, empty if made in memory.
-    """
-
-    name: str
+    name: str  # As it stands on the sheet.
     phases: int = 3
+    # `"balance"`: the channel `losses_W` is the measured total Pd, electrical in minus mechanical
+    # out. `"map"`: it is the other losses Pol alone, from a map or a model.
     losses: Literal["balance", "map"] = "balance"
+    # Which channel is the temperature T0 that the stator loses its heat to.
     sink: Literal["ambient", "coolant"] = "ambient"
     insulation_class: str | None = None
-    equilibrium: str = next(iter(EQUILIBRIA))
+    equilibrium: str = next(iter(EQUILIBRIA))  # Which of `EQUILIBRIA` its tests are judged by.
     rated_speed_rpm: float | None = None
     rated_current_A: float | None = None
     mass_kg: float | None = None
     conductor_mass_kg: float | None = None
-    resistance_coefficient_degC: float = 234.5
+    resistance_coefficient_degC: float = 234.5  # B of R(T) = R (B + T)/(B + Tref) [degC].
+    # Rs0 at the reference temperature [ohm], or None if not known.
     phase_resistance_ohm: float | None = None
-    reference_temperature_degC: float = 25.0
+    reference_temperature_degC: float = 25.0  # Temperature that Rs0 holds for [degC].
+    # Of the circuit whose resistance tells the winding temperature, with leads, at the reference
+    # temperature [ohm], or None.
     measured_resistance_ohm: float | None = None
-    lead_resistance_ohm: float = 0.0
+    lead_resistance_ohm: float = 0.0  # Of the leads in it [ohm].
     gear_ratio: float | None = None
     wheel_radius_m: float | None = None
+    # Canonical channel to `"column in the file [unit]"`, or to several of which the first counts
+    # whose column a file has.
     columns: Columns = field(default_factory=dict)
+    # Value of a channel that holds for a whole test, in the channel's unit, for records that do not
+    # have it.
     constants: Mapping[str, float] = field(default_factory=dict)
+    # Overrides of prior or value by parameter name.
     parameters: Mapping[str, ParameterOverride] = field(default_factory=dict)
+    # Node that a measured body is fitted as, by its channel; `"none"`: it is held against the model
+    # and not fitted. Where nothing is said, the network decides.
     sensors: Mapping[str, str] = field(default_factory=dict)
+    # Which parts of a test count, by its name.
     tests: Mapping[str, PartsOfTest] = field(default_factory=dict)
-    effects: tuple[str, ...] = ()
+    effects: tuple[str, ...] = ()  # Ids of known effects that every model of this machine has.
+    # What effects are scaled with, where tests have told it already.
     scales: Scales = field(default_factory=Scales)
-    adequacy: Adequacy = field(default_factory=Adequacy)
+    adequacy: Adequacy = field(default_factory=Adequacy)  # How far its networks are trusted.
+    # What is known of readings after switch-off.
     shutdown: ShutDown = field(default_factory=ShutDown)
+    # What a certificate of its tests says beside the results.
     certificate: Certificate = field(default_factory=Certificate)
     raster_s: float | None = None
+    # Decimal sign of the bench's text tables, `"."` or `","`; the other one then separates
+    # thousands. None finds it out of each file, and asks where it cannot.
     decimal: Literal[".", ","] | None = None
-    sha256: str = ""
-    path: str = ""
+    sha256: str = ""  # Digest of the motor file, empty if made in memory.
+    path: str = ""  # The motor file, empty if made in memory.
 
     def permitted_rise(self, sink_degC: float) -> tuple[str, float] | None:
         """Return the class whose rise is permitted, and that rise by resistance [K].

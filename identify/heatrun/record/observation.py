@@ -20,37 +20,24 @@ FEWEST_MOMENTS = 4
 
 
 class Observation(eqx.Module):
-    """The arrays of a reduced record that the numerics need; a pytree.
+    """The arrays of a reduced record that the numerics need; a pytree."""
 
-    Attributes:
-        inputs: Means over the steps.
-        measured: Mean reading of each block [degC], shape (row,); 0 where there is none.
-        is_observed: Which blocks hold a reading, shape (row,).
-        weight: As `Blocks.weight`.
-        position: As `Blocks.position`.
-        count: As `Blocks.count`.
-        known_variance: As `Blocks.known_variance`.
-        block_s: Length of a block [s].
-        heat: What unmodelled heat with the standard deviation of the mean loss does to the block
-            means [K], as columns whose outer product is its covariance, shape (row, column).
-        moments: As `Blocks.moments`.
-        noise_scale: Noise of the logger of each sensor over that of the first one [1], shape
-            (sensor,).
-        fitted: As `Blocks.fitted`.
-    """
-
-    inputs: Inputs
+    inputs: Inputs  # Means over the steps.
+    # Mean reading of each block [degC], shape (row,); 0 where there is none.
     measured: Float[Any, " row"]
-    is_observed: Bool[Any, " row"]
-    weight: Float[Any, "row step"]
-    position: Float[Any, "row step"]
-    count: Float[Any, " row"]
-    known_variance: Float[Any, " row"]
-    block_s: Float[Any, ""]
+    is_observed: Bool[Any, " row"]  # Which blocks hold a reading, shape (row,).
+    weight: Float[Any, "row step"]  # As `Blocks.weight`.
+    position: Float[Any, "row step"]  # As `Blocks.position`.
+    count: Float[Any, " row"]  # As `Blocks.count`.
+    known_variance: Float[Any, " row"]  # As `Blocks.known_variance`.
+    block_s: Float[Any, ""]  # Length of a block [s].
+    # What unmodelled heat with the standard deviation of the mean loss does to the block means [K],
+    # as columns whose outer product is its covariance, shape (row, column).
     heat: Float[Any, "row column"]
-    moments: Float[Any, "row moment"]
+    moments: Float[Any, "row moment"]  # As `Blocks.moments`.
+    # Noise of the logger of each sensor over that of the first one [1], shape (sensor,).
     noise_scale: Float[Any, " sensor"]
-    fitted: tuple[str, ...] = eqx.field(static=True, default=())
+    fitted: tuple[str, ...] = eqx.field(static=True, default=())  # As `Blocks.fitted`.
 
     @property
     def num_sensors(self) -> int:

@@ -13,8 +13,6 @@ measurement file: what drives the model is interpolated linearly, readings stay 
 A time axis counts from the first sample, and is freed from the rounding of 32-bit loggers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

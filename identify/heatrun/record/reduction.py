@@ -1,7 +1,5 @@
 """Reduction of a record to what a fit needs: means over steps, and over blocks to compare."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

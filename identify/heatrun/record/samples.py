@@ -7,8 +7,6 @@ left out is itself reported, by `nan_block` and by the checks of the time axis.
 The step that a channel was rounded to is read off its samples too.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -5,8 +5,6 @@ as in `drive.csv@10min..90min`. Times are those of the record, counted from its 
 stretch keeps them, so that a finding and a figure name the same moment with and without the cut.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence
@@ -27,17 +25,11 @@ SUFFIX = re.compile(r"(?P<test>.+)@(?P<stretch>[^@/\\+]*?\.\.[^@/\\+]*)", re.DOT
 
 @dataclass(frozen=True)
 class Stretch:
-    """A part of a record.
+    """A part of a record."""
 
-    Attributes:
-        start: Its first time [s], or its first row, counted from 1.
-        end: Its last time [s], or its last row.
-        in_rows: Whether rows are meant.
-    """
-
-    start: float = 0.0
-    end: float = math.inf
-    in_rows: bool = False
+    start: float = 0.0  # Its first time [s], or its first row, counted from 1.
+    end: float = math.inf  # Its last time [s], or its last row.
+    in_rows: bool = False  # Whether rows are meant.
 
     def __str__(self) -> str:
         """Return it as it is written behind a file."""

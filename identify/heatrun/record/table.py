@@ -4,8 +4,6 @@ Columns of one name are told apart as `NAME #1`, `NAME #2` and so on. Logs of ra
 LIN, FlexRay) hold bytes, of which a DBC makes signals; they are refused.
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections import Counter
@@ -21,17 +19,11 @@ from .record import Finding, UnitSource
 
 @dataclass(frozen=True)
 class Question:
-    """What a file leaves open about a column; a column that is used must have none.
+    """What a file leaves open about a column; a column that is used must have none."""
 
-    Attributes:
-        problem: What the values may be, with figures for each reading.
-        answers: Right-hand sides of `[columns]` of which each settles it.
-        remedy: What to do where `[columns]` cannot settle it.
-    """
-
-    problem: str
-    answers: tuple[str, ...] = ()
-    remedy: str = ""
+    problem: str  # What the values may be, with figures for each reading.
+    answers: tuple[str, ...] = ()  # Right-hand sides of `[columns]` of which each settles it.
+    remedy: str = ""  # What to do where `[columns]` cannot settle it.
 
     def asked(self, channel: str, where: str) -> InputError:
         """Return the question as the error that ends the reading."""
@@ -42,48 +34,33 @@ class Question:
 
 @dataclass(frozen=True)
 class Stated:
-    """A unit that a file gives somewhere else than in the name of a column.
+    """A unit that a file gives somewhere else than in the name of a column."""
 
-    Attributes:
-        text: Unit text; of scope "kind" the word for an amplitude.
-        source: Where it stands, such as `"the row of units"`, for messages.
-        scope: What it is about: this column, every column of its quantity, something that is not
-            clear, or the kind of a current alone: that it is an amplitude.
-    """
-
-    text: str
-    source: str
+    text: str  # Unit text; of scope "kind" the word for an amplitude.
+    source: str  # Where it stands, such as `"the row of units"`, for messages.
+    # What it is about: this column, every column of its quantity, something that is not clear, or
+    # the kind of a current alone: that it is an amplitude.
     scope: Literal["column", "quantity", "unclear", "kind"] = "column"
 
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a bench file, not yet a channel.
+    """One column of a bench file, not yet a channel."""
 
-    Attributes:
-        name: As it stands in the file, with any unit.
-        label: The name without its unit.
-        unit: Unit text that the file gives, or None.
-        values: Float64, shape (time,), in that unit; NaN where the file has no number.
-        note: How values that were no plain numbers were read (clock times, dates), or empty.
-        beside: Units that the file gives outside of the name.
-        heading: What stands over the column where `name` is made of more than that, or empty.
-        is_clock: The reader made seconds of what the file holds, whatever unit it gives.
-        unit_from: How the reader knew that unit, for a clock alone.
-        question: What must be answered before the column is used, or None.
-        start: Of times, when they begin as the file says it, ISO 8601; empty where it does not.
-    """
-
-    name: str
-    label: str
-    unit: str | None
-    values: np.ndarray
+    name: str  # As it stands in the file, with any unit.
+    label: str  # The name without its unit.
+    unit: str | None  # Unit text that the file gives, or None.
+    values: np.ndarray  # Float64, shape (time,), in that unit; NaN where the file has no number.
+    # How values that were no plain numbers were read (clock times, dates), or empty.
     note: str = ""
-    beside: tuple[Stated, ...] = ()
+    beside: tuple[Stated, ...] = ()  # Units that the file gives outside of the name.
+    # What stands over the column where `name` is made of more than that, or empty.
     heading: str = ""
+    # The reader made seconds of what the file holds, whatever unit it gives.
     is_clock: bool = False
-    unit_from: UnitSource = "stated"
-    question: Question | None = None
+    unit_from: UnitSource = "stated"  # How the reader knew that unit, for a clock alone.
+    question: Question | None = None  # What must be answered before the column is used, or None.
+    # Of times, when they begin as the file says it, ISO 8601; empty where it does not.
     start: str = ""
 
     @property
@@ -94,27 +71,20 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """The columns of one bench file.
+    """The columns of one bench file."""
 
-    Attributes:
-        columns: In the order of the file; all of one length.
-        text_columns: Columns without a single number, with the first thing that stands in them.
-        constants: Scalars of the file by name, in the file's unit.
-        notes: Preamble lines and what the reader did, in order.
-        findings: What the reader could not use, with line numbers.
-        reader: Format and what was sniffed: "CSV, ';', decimal comma, UTF-8".
-        sample_numbers: Which sample each row is, from 0, shape (time,), where lines without a
-            sample stand between the rows; None where every line is a row.
-        is_by_tag: Each column has times of its own; its cells at those of others are empty.
-    """
-
-    columns: tuple[Column, ...]
+    columns: tuple[Column, ...]  # In the order of the file; all of one length.
+    # Columns without a single number, with the first thing that stands in them.
     text_columns: Mapping[str, str] = field(default_factory=dict)
+    # Scalars of the file by name, in the file's unit.
     constants: Mapping[str, float] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    findings: tuple[Finding, ...] = ()
-    reader: str = ""
+    notes: tuple[str, ...] = ()  # Preamble lines and what the reader did, in order.
+    findings: tuple[Finding, ...] = ()  # What the reader could not use, with line numbers.
+    reader: str = ""  # Format and what was sniffed: "CSV, ';', decimal comma, UTF-8".
+    # Which sample each row is, from 0, shape (time,), where lines without a sample stand between
+    # the rows; None where every line is a row.
     sample_numbers: np.ndarray | None = None
+    # Each column has times of its own; its cells at those of others are empty.
     is_by_tag: bool = False
 
     @property

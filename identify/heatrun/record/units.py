@@ -9,8 +9,6 @@ it and would answer for what has none, where a question is wanted; it would add 
 reading, to multiply by some forty factors.
 """
 
-from __future__ import annotations
-
 import difflib
 import math
 import re
@@ -26,19 +24,12 @@ from ..errors import InputError
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit of one quantity: `canonical = factor * value + offset`.
+    """A unit of one quantity: `canonical = factor * value + offset`."""
 
-    Attributes:
-        symbol: As it is printed.
-        spellings: Other ways in which benches write it.
-        factor: Canonical units per unit.
-        offset: Added after the factor, in canonical units.
-    """
-
-    symbol: str
-    spellings: tuple[str, ...] = ()
-    factor: float = 1.0
-    offset: float = 0.0
+    symbol: str  # As it is printed.
+    spellings: tuple[str, ...] = ()  # Other ways in which benches write it.
+    factor: float = 1.0  # Canonical units per unit.
+    offset: float = 0.0  # Added after the factor, in canonical units.
 
 
 ROOT_2 = math.sqrt(2.0)

@@ -1,7 +1,5 @@
 """Page 1 of the sheet, what a customer reads: as plain text in rows."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -131,18 +129,12 @@ def judged(entry: FittedParameter, say: Texts = ENGLISH) -> str:
 
 @dataclass(frozen=True)
 class ParameterLine:
-    """A line of the table of parameters.
+    """A line of the table of parameters."""
 
-    Attributes:
-        name: As printed.
-        meaning: Likewise.
-        entry: The parameter.
-        figure: What it is at stated conditions, where the line is about that.
-    """
-
-    name: str
-    meaning: str
-    entry: FittedParameter
+    name: str  # As printed.
+    meaning: str  # Likewise.
+    entry: FittedParameter  # The parameter.
+    # What it is at stated conditions, where the line is about that.
     figure: DerivedFigure | None = None
 
     @property

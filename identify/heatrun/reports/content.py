@@ -1,7 +1,5 @@
 """What the sheet says, as text in tables: the same words go to PDF, XLSX and JSON."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from typing import Any

@@ -3,8 +3,6 @@
 Reference: Physikalisch-Technische Bundesanstalt, DCC schema 3.3.0 and D-SI schema 2.2.1.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 from xml.etree import ElementTree

@@ -5,8 +5,6 @@ xmldsig-core-schema.xsd, and quantityKind.xsd where SI_Format.xsd asks for it). 
 folder or below it; nothing is fetched from the network.
 """
 
-from __future__ import annotations
-
 import io
 from importlib import import_module
 from pathlib import Path

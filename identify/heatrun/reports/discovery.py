@@ -3,8 +3,6 @@
 Its figures are drawn from the result: before and after, and where.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import cycle
 from pathlib import Path
@@ -24,7 +22,6 @@ from ..results.discovery import (
     CandidateFate,
     FoundEffect,
     Gap,
-    HeldOutGap,
     ParameterBeforeAfter,
     ValueWithInterval,
 )
@@ -122,7 +119,7 @@ def _effect(effect: FoundEffect, say: Texts) -> list[str]:
     ]
 
 
-def _gap(name: str, gap: Gap | HeldOutGap, say: Texts) -> list[str]:
+def _gap(name: str, gap: Gap, say: Texts) -> list[str]:
     errors_K = gap.rmse_before_K, gap.rmse_after_K, gap.max_before_K, gap.max_after_K
     return [
         name,

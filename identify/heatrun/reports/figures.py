@@ -1,7 +1,5 @@
 """Figures of a run, drawn from its tables; nothing is computed here but differences."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """From a run to its parameter sheet and figures."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, replace
 from functools import cache
@@ -37,15 +35,10 @@ DCC = "dcc.xml"
 
 @dataclass(frozen=True)
 class Sheet:
-    """What was written.
+    """What was written."""
 
-    Attributes:
-        result: What it says: that of the run, with a finding for each part that failed.
-        files: The files, figures last.
-    """
-
-    result: FitResult
-    files: list[Path]
+    result: FitResult  # What it says: that of the run, with a finding for each part that failed.
+    files: list[Path]  # The files, figures last.
 
 
 def write_sheet(run: Run, folder: Path, certificate: Certificate | None = None) -> Sheet:

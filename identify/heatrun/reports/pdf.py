@@ -3,8 +3,6 @@
 Letters that no font here can draw stand on paper as their numbers, not as empty boxes.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 import tempfile
@@ -32,15 +30,11 @@ PROBE = b"""#let letters = json(bytes(sys.inputs.letters))
 
 @dataclass(frozen=True)
 class Shown:
-    """What can be set.
+    """What can be set."""
 
-    Attributes:
-        content: With each letter that no font has as `[U+674E]`.
-        needs_system_fonts: Some letters are not in the fonts that typst brings. Only then are those
-            of the machine asked, so that a document is the same on all machines where it can be.
-    """
-
-    content: dict[str, Any]
+    content: dict[str, Any]  # With each letter that no font has as `[U+674E]`.
+    # Some letters are not in the fonts that typst brings. Only then are those of the machine asked,
+    # so that a document is the same on all machines where it can be.
     needs_system_fonts: bool
 
 

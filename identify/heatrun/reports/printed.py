@@ -1,7 +1,5 @@
 """How uncertain numbers are printed, value ± U or an interval, and the days of the tests."""
 
-from __future__ import annotations
-
 import datetime
 import math
 from collections.abc import Sequence
@@ -91,17 +89,13 @@ draws scatter by 0.06 U; twice the standard deviation in the place of 1.96 makes
 
 @dataclass(frozen=True)
 class Printed:
-    """A number as it is printed.
+    """A number as it is printed."""
 
-    Attributes:
-        text: With its unit.
-        form: Whether it is a value with U, an interval, or a value that was given.
-        places: Decimal places of its numbers, negative for tens and hundreds; None where no
-            uncertainty says how many there are.
-    """
-
-    text: str
+    text: str  # With its unit.
+    # Whether it is a value with U, an interval, or a value that was given.
     form: Literal["expanded", "interval", "given"]
+    # Decimal places of its numbers, negative for tens and hundreds; None where no uncertainty says
+    # how many there are.
     places: int | None
 
 
@@ -172,17 +166,11 @@ DAY_S = 86400.0
 
 @dataclass(frozen=True)
 class TestDays:
-    """First and last day of the tests, ISO 8601; empty where they are not known.
+    """First and last day of the tests, ISO 8601; empty where they are not known."""
 
-    Attributes:
-        first: The first day.
-        last: The last day.
-        note: What the records say where the laboratory states another day; else empty.
-    """
-
-    first: str = ""
-    last: str = ""
-    note: str = ""
+    first: str = ""  # The first day.
+    last: str = ""  # The last day.
+    note: str = ""  # What the records say where the laboratory states another day; else empty.
 
     def __str__(self) -> str:
         """Return the days as they are printed; empty where they are not known."""

@@ -9,7 +9,7 @@ from collections.abc import Hashable, Sequence
 from typing import TYPE_CHECKING
 
 from ..checks.suitability import WEAK
-from ..io.quantities import percent, printable, printed_unit, quantity, rounded
+from ..io.quantities import aligned, percent, printable, printed_unit, quantity, rounded
 from ..readers.mapping import mapping_text
 from ..record.motor import Certificate
 from ..record.record import Finding
@@ -284,10 +284,7 @@ def changes_text(found: BeforeAfter) -> str:
     for each in found.changes:
         name = f"{each.name} [{printed_unit(each.unit)}]".replace(" []", "")
         rows.append([name, *_cells(each), percent(each.grew), percent(each.changed)])
-    widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
-    for row in rows:
-        cells = zip(row, widths, strict=True)
-        lines.append("  ".join(cell.ljust(width) for cell, width in cells).rstrip())
+    lines += aligned(rows)
     conditions = {each.name: each.condition for each in found.changes if each.condition}
     for title, told in (("Holds at", conditions), ("Not compared", found.not_compared)):
         if told:

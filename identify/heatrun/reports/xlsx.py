@@ -1,7 +1,5 @@
 """The parameter sheet as XLSX: courses with charts, and the bench's worksheet in live formulas."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath

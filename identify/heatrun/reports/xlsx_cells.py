@@ -1,7 +1,5 @@
 """Cells of the workbook with the digits of the sheet, and its first sheet, the certificate."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """The types of `discovery.json`: effects and their fate, errors before and after, and the whole."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -15,52 +13,34 @@ Status = Literal["accepted", "tied", "rejected", "screened", "not identifiable",
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeldOutErrors:
-    """Errors on one held-out test.
+    """Errors on one held-out test."""
 
-    Attributes:
-        rmse_without_K: Root mean square error without the effect [K].
-        rmse_with_K: And with it [K].
-    """
-
-    rmse_without_K: float
-    rmse_with_K: float
+    rmse_without_K: float  # Root mean square error without the effect [K].
+    rmse_with_K: float  # And with it [K].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CandidateFate:
-    """An effect of the library and what became of it; what was not looked at is unset.
+    """An effect of the library and what became of it; what was not looked at is unset."""
 
-    Attributes:
-        id: Its name in the catalogue.
-        family: What kind of effect it is.
-        test: Test of an event; null for all other effects.
-        status: What became of it.
-        reason: Why; empty if it was accepted.
-        visibility: What a refit would leave of it at its typical size [standard deviations].
-        visible_K: The same [K].
-        screening_log_bayes: Log Bayes factor of the screening [nat].
-        separating_test: Test that would separate it from others, in words.
-        delta_log_evidence: Of the refit, over the model without it [nat]; null if it failed.
-        rmse_K: Of the calibration tests with it [K]; null likewise.
-        left_out_K: Root mean square error on parts left out [K]; null likewise.
-        parameters: Its parameters [their units].
-        held_out: Errors on each held-out test.
-    """
-
-    id: str
-    family: str | UnsetType = UNSET
-    test: str | UnsetType | None = UNSET
-    status: Status
-    reason: str
+    id: str  # Its name in the catalogue.
+    family: str | UnsetType = UNSET  # What kind of effect it is.
+    test: str | UnsetType | None = UNSET  # Test of an event; null for all other effects.
+    status: Status  # What became of it.
+    reason: str  # Why; empty if it was accepted.
+    # What a refit would leave of it at its typical size [standard deviations].
     visibility: NonNegative | UnsetType = UNSET
-    visible_K: NonNegative | UnsetType = UNSET
-    screening_log_bayes: float | UnsetType = UNSET
-    separating_test: str | UnsetType = UNSET
+    visible_K: NonNegative | UnsetType = UNSET  # The same [K].
+    screening_log_bayes: float | UnsetType = UNSET  # Log Bayes factor of the screening [nat].
+    separating_test: str | UnsetType = UNSET  # Test that would separate it from others, in words.
+    # Of the refit, over the model without it [nat]; null if it failed.
     delta_log_evidence: float | UnsetType | None = UNSET
+    # Of the calibration tests with it [K]; null likewise.
     rmse_K: NonNegative | UnsetType | None = UNSET
+    # Root mean square error on parts left out [K]; null likewise.
     left_out_K: NonNegative | UnsetType | None = UNSET
-    parameters: dict[str, float | None] | UnsetType = UNSET
-    held_out: tuple[HeldOutErrors, ...] | UnsetType = UNSET
+    parameters: dict[str, float | None] | UnsetType = UNSET  # Its parameters [their units].
+    held_out: tuple[HeldOutErrors, ...] | UnsetType = UNSET  # Errors on each held-out test.
 
     @property
     def log_evidence(self) -> float | None:
@@ -71,94 +51,58 @@ class CandidateFate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EffectParameter:
-    """A parameter of an accepted effect.
+    """A parameter of an accepted effect."""
 
-    Attributes:
-        value: Of the machine that is stated, in the middle of the posterior [unit].
-        unit: Its unit.
-        interval_95: 95 % interval [unit].
-    """
-
-    value: float
-    unit: str
-    interval_95: Interval
+    value: float  # Of the machine that is stated, in the middle of the posterior [unit].
+    unit: str  # Its unit.
+    interval_95: Interval  # 95 % interval [unit].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EffectEvidence:
-    """What speaks for an accepted effect.
+    """What speaks for an accepted effect."""
 
-    Attributes:
-        delta_log_evidence: Over the final model without it [nat].
-        familywise_p: Probability that a clean record reaches its score [1].
-    """
-
-    delta_log_evidence: float
-    familywise_p: Probability
+    delta_log_evidence: float  # Over the final model without it [nat].
+    familywise_p: Probability  # Probability that a clean record reaches its score [1].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeftOut:
-    """Errors on parts of the tests that were left out of the fit.
+    """Errors on parts of the tests that were left out of the fit."""
 
-    Attributes:
-        rmse_before_K: Root mean square error without the effect [K].
-        rmse_after_K: And with it [K].
-    """
-
-    rmse_before_K: NonNegative
-    rmse_after_K: NonNegative
+    rmse_before_K: NonNegative  # Root mean square error without the effect [K].
+    rmse_after_K: NonNegative  # And with it [K].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RivalEffect:
-    """Another effect in the place of an accepted one.
+    """Another effect in the place of an accepted one."""
 
-    Attributes:
-        id: Its name in the catalogue.
-        delta_log_evidence: Over the accepted effect [nat].
-        share_of_gap: Share of the gap that it closes, the accepted one closing all [1].
-        parameters: Its parameters [their units].
-        reason: Why it is rejected, or that it is not distinguishable.
-        probability: Among the effects that the model is averaged over [1]; unset for others.
-    """
-
-    id: str
-    delta_log_evidence: float | None
-    share_of_gap: float | None
-    parameters: dict[str, float | None]
-    reason: str
+    id: str  # Its name in the catalogue.
+    delta_log_evidence: float | None  # Over the accepted effect [nat].
+    share_of_gap: float | None  # Share of the gap that it closes, the accepted one closing all [1].
+    parameters: dict[str, float | None]  # Its parameters [their units].
+    reason: str  # Why it is rejected, or that it is not distinguishable.
+    # Among the effects that the model is averaged over [1]; unset for others.
     probability: Probability | UnsetType = UNSET
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundEffect:
-    """An effect that was accepted.
+    """An effect that was accepted."""
 
-    Attributes:
-        id: Its name in the catalogue.
-        family: What kind of effect it is.
-        law: Its law in words.
-        test: Test of an event; null for all other effects.
-        probability: Among itself, its rivals and nothing; where the model is averaged over it and
-            its equivalents, among these [1].
-        equivalents: Effects that these tests cannot separate from it.
-        parameters: By name.
-        evidence: What speaks for it.
-        left_out: Errors on parts left out.
-        rivals: Effects in its place, the best first.
-    """
-
-    id: str
-    family: str
-    law: str
-    test: str | None
+    id: str  # Its name in the catalogue.
+    family: str  # What kind of effect it is.
+    law: str  # Its law in words.
+    test: str | None  # Test of an event; null for all other effects.
+    # Among itself, its rivals and nothing; where the model is averaged over it and its equivalents,
+    # among these [1].
     probability: Probability
-    equivalents: tuple[str, ...]
-    parameters: Annotated[dict[str, EffectParameter], Meta(min_length=1)]
-    evidence: EffectEvidence
-    left_out: LeftOut
-    rivals: tuple[RivalEffect, ...]
+    equivalents: tuple[str, ...]  # Effects that these tests cannot separate from it.
+    parameters: Annotated[dict[str, EffectParameter], Meta(min_length=1)]  # By name.
+    evidence: EffectEvidence  # What speaks for it.
+    left_out: LeftOut  # Errors on parts left out.
+    rivals: tuple[RivalEffect, ...]  # Effects in its place, the best first.
 
     def equivalents_in_words(self) -> str:
         """Return the effects that the tests do not separate from it, averaged ones with their
@@ -173,19 +117,12 @@ class FoundEffect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TraceOfEffect:
-    """An effect that the evidence asks for, too small or too uncertain to be in the model.
+    """An effect that the evidence asks for, too small or too uncertain to be in the model."""
 
-    Attributes:
-        id: Its name in the catalogue.
-        equivalents: Effects that explain the same as well.
-        closes_K: What it closes of the gap [K].
-        delta_log_evidence: Over the final model [nat].
-    """
-
-    id: str
-    equivalents: tuple[str, ...]
-    closes_K: NonNegative
-    delta_log_evidence: float
+    id: str  # Its name in the catalogue.
+    equivalents: tuple[str, ...]  # Effects that explain the same as well.
+    closes_K: NonNegative  # What it closes of the gap [K].
+    delta_log_evidence: float  # Over the final model [nat].
 
 
 Trace = Annotated[TraceOfEffect, Meta(extra_json_schema={"unevaluatedProperties": False})]
@@ -194,116 +131,62 @@ Trace = Annotated[TraceOfEffect, Meta(extra_json_schema={"unevaluatedProperties"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gap:
-    """Errors over the calibration tests, with the base network and with the final model.
+    """Errors over the calibration tests, with the base network and with the final model."""
 
-    Attributes:
-        noise_floor_K: What noise alone would leave [K].
-        rmse_before_K: Root mean square error before [K].
-        max_before_K: Maximum absolute error before [K].
-        coverage_95_before: Share of the readings inside the 95 % band before [1].
-        rmse_after_K: Root mean square error after [K].
-        max_after_K: Maximum absolute error after [K].
-        coverage_95_after: Share of the readings inside the 95 % band after [1].
-    """
-
-    noise_floor_K: NonNegative
-    rmse_before_K: NonNegative
-    max_before_K: NonNegative
-    coverage_95_before: Probability
-    rmse_after_K: NonNegative
-    max_after_K: NonNegative
-    coverage_95_after: Probability
+    noise_floor_K: NonNegative  # What noise alone would leave [K].
+    rmse_before_K: NonNegative  # Root mean square error before [K].
+    max_before_K: NonNegative  # Maximum absolute error before [K].
+    coverage_95_before: Probability  # Share of the readings inside the 95 % band before [1].
+    rmse_after_K: NonNegative  # Root mean square error after [K].
+    max_after_K: NonNegative  # Maximum absolute error after [K].
+    coverage_95_after: Probability  # Share of the readings inside the 95 % band after [1].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HeldOutGap:
-    """Errors over the held-out tests, and whether these decided about an effect.
+class HeldOutGap(Gap):
+    """Errors over the held-out tests, and whether these decided about an effect."""
 
-    Attributes:
-        noise_floor_K: As `Gap`.
-        rmse_before_K: As `Gap`.
-        max_before_K: As `Gap`.
-        coverage_95_before: As `Gap`.
-        rmse_after_K: As `Gap`.
-        max_after_K: As `Gap`.
-        coverage_95_after: As `Gap`.
-        took_part_in_selection: Whether an effect was judged by its error on held-out tests: never.
-        sentence: What this means.
-    """
-
-    noise_floor_K: NonNegative
-    rmse_before_K: NonNegative
-    max_before_K: NonNegative
-    coverage_95_before: Probability
-    rmse_after_K: NonNegative
-    max_after_K: NonNegative
-    coverage_95_after: Probability
+    # Whether an effect was judged by its error on held-out tests: never.
     took_part_in_selection: bool
-    sentence: str
+    sentence: str  # What this means.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorsOnTest:
-    """Errors on one test.
+    """Errors on one test."""
 
-    Attributes:
-        rmse_K: Root mean square error [K].
-        max_K: Maximum absolute error [K].
-        end_K: Mean error over the last blocks, measured minus predicted [K].
-        coverage_95: Share of the readings inside the 95 % band [1].
-    """
-
-    rmse_K: NonNegative
-    max_K: NonNegative
-    end_K: float
-    coverage_95: Probability
+    rmse_K: NonNegative  # Root mean square error [K].
+    max_K: NonNegative  # Maximum absolute error [K].
+    end_K: float  # Mean error over the last blocks, measured minus predicted [K].
+    coverage_95: Probability  # Share of the readings inside the 95 % band [1].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorsBeforeAfter:
-    """A test before and after the discovery.
+    """A test before and after the discovery."""
 
-    Attributes:
-        name: The test.
-        role: Whether it was fitted or only predicted.
-        before: With the base network.
-        after: With the final model.
-    """
-
-    name: str
-    role: Role
-    before: ErrorsOnTest
-    after: ErrorsOnTest
+    name: str  # The test.
+    role: Role  # Whether it was fitted or only predicted.
+    before: ErrorsOnTest  # With the base network.
+    after: ErrorsOnTest  # With the final model.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ValueWithInterval:
-    """A value with its interval.
+    """A value with its interval."""
 
-    Attributes:
-        value: Of the machine that is stated, in the middle of the posterior [unit].
-        interval_95: 95 % interval [unit].
-    """
-
-    value: float
-    interval_95: Interval
+    value: float  # Of the machine that is stated, in the middle of the posterior [unit].
+    interval_95: Interval  # 95 % interval [unit].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterBeforeAfter:
-    """A parameter of the network before and after the discovery.
+    """A parameter of the network before and after the discovery."""
 
-    Attributes:
-        before: In the base network.
-        after: In the final model.
-        unit: Its unit.
-        wrong_by: Value before over value after, minus 1 [1]; null if the latter is 0.
-    """
-
-    before: ValueWithInterval
-    after: ValueWithInterval
-    unit: str
-    wrong_by: float | None
+    before: ValueWithInterval  # In the base network.
+    after: ValueWithInterval  # In the final model.
+    unit: str  # Its unit.
+    wrong_by: float | None  # Value before over value after, minus 1 [1]; null if the latter is 0.
 
 
 DISCOVERY_FORMAT = "heatrun-discovery/2"
@@ -314,168 +197,106 @@ VerdictWord = Literal["adequate", "named", "ambiguous", "unexplained", "not_iden
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotorName:
-    """The machine.
+    """The machine."""
 
-    Attributes:
-        name: As it stands in the motor file.
-    """
-
-    name: str
+    name: str  # As it stands in the motor file.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeftByModel:
-    """What a model leaves, against noise.
+    """What a model leaves, against noise."""
 
-    Attributes:
-        is_adequate: Whether only noise is left, or nothing that matters.
-        low_frequency_excess: Variance of slow residuals over that of noise [1].
-        correlation_s: Correlation time of the residuals [s].
-        slow_misfit_K: Root mean square of what is slow, less what noise would leave [K].
-        noise_K: Standard deviation of the noise of a block mean [K].
-        rmse_K: Root mean square of all residuals of the same fit, slow and fast [K]; unset in
-            files of earlier versions.
-        channel: Of the sensor whose slow misfit is largest, to which the figures in kelvin belong;
-            unset in files of earlier versions.
-    """
-
-    is_adequate: bool
-    low_frequency_excess: float
-    correlation_s: NonNegative
-    slow_misfit_K: NonNegative
-    noise_K: NonNegative
+    is_adequate: bool  # Whether only noise is left, or nothing that matters.
+    low_frequency_excess: float  # Variance of slow residuals over that of noise [1].
+    correlation_s: NonNegative  # Correlation time of the residuals [s].
+    slow_misfit_K: NonNegative  # Root mean square of what is slow, less what noise would leave [K].
+    noise_K: NonNegative  # Standard deviation of the noise of a block mean [K].
+    # Root mean square of all residuals of the same fit, slow and fast [K]; unset in files of
+    # earlier versions.
     rmse_K: NonNegative | UnsetType = UNSET
+    # Of the sensor whose slow misfit is largest, to which the figures in kelvin belong; unset in
+    # files of earlier versions.
     channel: str | UnsetType = UNSET
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AdequacyBeforeAfter:
-    """What is left by two models.
+    """What is left by two models."""
 
-    Attributes:
-        before: By the base network.
-        after: By the final model.
-    """
-
-    before: LeftByModel
-    after: LeftByModel
+    before: LeftByModel  # By the base network.
+    after: LeftByModel  # By the final model.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoiseLevels:
-    """The noise with the final model.
+    """The noise with the final model."""
 
-    Attributes:
-        sd_K: Standard deviation of its slow part [K].
-        time_s: Correlation time of the slow part [s].
-        white_K: Standard deviation of the white part [K].
-    """
-
-    sd_K: NonNegative
-    time_s: NonNegative
-    white_K: NonNegative
+    sd_K: NonNegative  # Standard deviation of its slow part [K].
+    time_s: NonNegative  # Correlation time of the slow part [s].
+    white_K: NonNegative  # Standard deviation of the white part [K].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PosteriorWords:
-    """How far the posteriors can be trusted.
+    """How far the posteriors can be trusted."""
 
-    Attributes:
-        before: That of the base network, in words.
-        after: That of the final model, in words.
-        is_sound: Whether the draws of the latter can be trusted.
-    """
-
-    before: str
-    after: str
-    is_sound: bool
+    before: str  # That of the base network, in words.
+    after: str  # That of the final model, in words.
+    is_sound: bool  # Whether the draws of the latter can be trusted.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadStep:
-    """A step of a proposed test.
+    """A step of a proposed test."""
 
-    Attributes:
-        minutes: Its length [min].
-        current_A: Phase current, rms [A].
-        speed_rpm: Speed [rpm].
-    """
-
-    minutes: NonNegative
-    current_A: float
-    speed_rpm: float
+    minutes: NonNegative  # Its length [min].
+    current_A: float  # Phase current, rms [A].
+    speed_rpm: float  # Speed [rpm].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProposedTest:
-    """The test that would separate what these tests cannot.
+    """The test that would separate what these tests cannot."""
 
-    Attributes:
-        separates: Ids of the effects.
-        what: The test in words.
-        start: State of the machine at its start.
-        profile: Its load steps.
-        expected_log_bayes_factor: Between the effects, after it [nat].
-    """
-
-    separates: tuple[str, ...]
-    what: str
-    start: str
-    profile: tuple[LoadStep, ...]
-    expected_log_bayes_factor: float
+    separates: tuple[str, ...]  # Ids of the effects.
+    what: str  # The test in words.
+    start: str  # State of the machine at its start.
+    profile: tuple[LoadStep, ...]  # Its load steps.
+    expected_log_bayes_factor: float  # Between the effects, after it [nat].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DiscoveryResult:
-    """The result of a discovery.
+    """The result of a discovery."""
 
-    Attributes:
-        format: Of this file.
-        heatrun_version: That wrote it.
-        command: As it was given.
-        seed: Random seed.
-        motor: The machine.
-        verdict: The verdict in a word.
-        sentence: What the verdict means here.
-        effects: Accepted effects in the order of acceptance.
-        dropped: Effects that were accepted and are not needed beside those found later.
-        traces: Effects that the evidence asks for, too small or too uncertain to be in the model;
-            empty unless the verdict is adequate.
-        where: Significant spans of what the base network misses.
-        where_left: Significant spans of what the final model misses.
-        localisation: Where something is missing.
-        candidates: Every effect of the library and what became of it.
-        adequacy: What is left, against noise.
-        calibration: Errors over the calibration tests; null where none could be predicted.
-        holdout: Errors over the held-out tests; null if there are none, or none could be predicted.
-        tests: Errors by test.
-        parameters: Of the network, by name.
-        noise: With the final model.
-        posterior: How far the draws can be trusted.
-        next_test: The test that would separate what these tests cannot; null if none is needed.
-        seconds: Time that each stage took [s].
-    """
-
-    format: Literal["heatrun-discovery/2"]
-    heatrun_version: str
-    command: str
-    seed: int
-    motor: MotorName
-    verdict: VerdictWord
-    sentence: str
-    effects: tuple[FoundEffect, ...]
+    format: Literal["heatrun-discovery/2"]  # Of this file.
+    heatrun_version: str  # That wrote it.
+    command: str  # As it was given.
+    seed: int  # Random seed.
+    motor: MotorName  # The machine.
+    verdict: VerdictWord  # The verdict in a word.
+    sentence: str  # What the verdict means here.
+    effects: tuple[FoundEffect, ...]  # Accepted effects in the order of acceptance.
+    # Effects that were accepted and are not needed beside those found later.
     dropped: tuple[str, ...]
+    # Effects that the evidence asks for, too small or too uncertain to be in the model; empty
+    # unless the verdict is adequate.
     traces: tuple[Trace, ...]
-    where: tuple[Missing, ...]
-    where_left: tuple[Missing, ...]
-    localisation: Localisation
+    where: tuple[Missing, ...]  # Significant spans of what the base network misses.
+    where_left: tuple[Missing, ...]  # Significant spans of what the final model misses.
+    localisation: Localisation  # Where something is missing.
+    # Every effect of the library and what became of it.
     candidates: Annotated[tuple[CandidateFate, ...], Meta(min_length=1)]
-    adequacy: AdequacyBeforeAfter
+    adequacy: AdequacyBeforeAfter  # What is left, against noise.
+    # Errors over the calibration tests; null where none could be predicted.
     calibration: Gap | None
+    # Errors over the held-out tests; null if there are none, or none could be predicted.
     holdout: HeldOutGap | None
-    tests: tuple[ErrorsBeforeAfter, ...]
+    tests: tuple[ErrorsBeforeAfter, ...]  # Errors by test.
+    # Of the network, by name.
     parameters: Annotated[dict[str, ParameterBeforeAfter], Meta(min_length=1)]
-    noise: NoiseLevels
-    posterior: PosteriorWords
+    noise: NoiseLevels  # With the final model.
+    posterior: PosteriorWords  # How far the draws can be trusted.
+    # The test that would separate what these tests cannot; null if none is needed.
     next_test: ProposedTest | None
-    seconds: dict[str, float | None]
+    seconds: dict[str, float | None]  # Time that each stage took [s].

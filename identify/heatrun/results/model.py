@@ -20,25 +20,18 @@ NEEDED = ("value", "unit", "sd", "interval_95", "condition")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DerivedFigure:
-    """A figure with its interval and the condition it holds under; or only why it is refused.
+    """A figure with its interval and the condition it holds under; or only why it is refused."""
 
-    Attributes:
-        value: Median [unit]; null where it is not finite.
-        unit: Its unit.
-        sd: Standard deviation [unit]; null where too many draws are not finite.
-        interval_95: 95 % interval [unit]; null for a limit that is not finite.
-        condition: What it holds under.
-        refused: Why there is no figure; all other fields are unset then.
-        budget: Where its uncertainty comes from, of a resistance at stated conditions; unset for
-            other figures and in files of earlier versions.
-    """
-
-    value: float | UnsetType | None = UNSET
-    unit: str | UnsetType = UNSET
+    value: float | UnsetType | None = UNSET  # Median [unit]; null where it is not finite.
+    unit: str | UnsetType = UNSET  # Its unit.
+    # Standard deviation [unit]; null where too many draws are not finite.
     sd: NonNegative | UnsetType | None = UNSET
+    # 95 % interval [unit]; null for a limit that is not finite.
     interval_95: tuple[float | None, float | None] | UnsetType = UNSET
-    condition: str | UnsetType = UNSET
-    refused: str | UnsetType = UNSET
+    condition: str | UnsetType = UNSET  # What it holds under.
+    refused: str | UnsetType = UNSET  # Why there is no figure; all other fields are unset then.
+    # Where its uncertainty comes from, of a resistance at stated conditions; unset for other
+    # figures and in files of earlier versions.
     budget: tuple[BudgetRow, ...] | UnsetType = UNSET
 
     def __post_init__(self) -> None:
@@ -69,209 +62,132 @@ Identifiability = Literal["identified", "weak", "not identifiable", "fixed"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedParameter:
-    """What the tests say of a parameter.
+    """What the tests say of a parameter."""
 
-    Attributes:
-        value: Of the machine that is stated, in the middle of the posterior [unit].
-        unit: Its unit.
-        sd: Standard uncertainty [unit].
-        sd_type_a: What remains of it with exact instruments [unit].
-        sd_type_b: What the stated uncertainties of the instruments add [unit].
-        interval_95: 95 % interval [unit].
-        relative_sd: Standard uncertainty over the value [1]; null where the value is 0.
-        prior_95: 95 % interval of the prior [unit].
-        prior_basis: Where the prior comes from.
-        meaning: What the parameter is.
-        fixed: Whether it was held at its value.
-        identifiability: How well the tests determine it; unset for nuisance parameters.
-        why: What this rests on; unset likewise.
-        budget: Where its uncertainty comes from; unset likewise, for a fixed parameter and in files
-            of earlier versions.
-    """
-
-    value: float
-    unit: str
-    sd: NonNegative
-    sd_type_a: NonNegative | None
-    sd_type_b: NonNegative | None
-    interval_95: Interval
+    value: float  # Of the machine that is stated, in the middle of the posterior [unit].
+    unit: str  # Its unit.
+    sd: NonNegative  # Standard uncertainty [unit].
+    sd_type_a: NonNegative | None  # What remains of it with exact instruments [unit].
+    sd_type_b: NonNegative | None  # What the stated uncertainties of the instruments add [unit].
+    interval_95: Interval  # 95 % interval [unit].
+    # Standard uncertainty over the value [1]; null where the value is 0.
     relative_sd: NonNegative | None
-    prior_95: Interval
-    prior_basis: str
-    meaning: str
-    fixed: bool
+    prior_95: Interval  # 95 % interval of the prior [unit].
+    prior_basis: str  # Where the prior comes from.
+    meaning: str  # What the parameter is.
+    fixed: bool  # Whether it was held at its value.
+    # How well the tests determine it; unset for nuisance parameters.
     identifiability: Identifiability | UnsetType = UNSET
-    why: str | UnsetType = UNSET
+    why: str | UnsetType = UNSET  # What this rests on; unset likewise.
+    # Where its uncertainty comes from; unset likewise, for a fixed parameter and in files of
+    # earlier versions.
     budget: tuple[BudgetRow, ...] | UnsetType = UNSET
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResidualRow:
-    """Error figures of one prediction, over the block means that were measured.
+    """Error figures of one prediction, over the block means that were measured."""
 
-    Attributes:
-        test: Name of the test.
-        role: Whether it was fitted or only predicted.
-        rmse_K: Root mean square error [K].
-        mae_K: Mean absolute error [K].
-        max_K: Maximum absolute error [K].
-        end_K: Mean error over the last blocks, measured minus predicted [K].
-        whiteness_p: Probability of such residuals if they were white [1], by Ljung and Box.
-        coverage_95: Share of the readings inside the 95 % band [1].
-        log_score: Mean log predictive density of a block [nat].
-        log_score_se: Its standard error, which allows for neighbouring blocks that err alike
-            [nat]; null for less than ten blocks, unset in files of earlier versions.
-    """
-
-    test: str
-    role: Role
-    rmse_K: NonNegative
-    mae_K: NonNegative
-    max_K: NonNegative
-    end_K: float
+    test: str  # Name of the test.
+    role: Role  # Whether it was fitted or only predicted.
+    rmse_K: NonNegative  # Root mean square error [K].
+    mae_K: NonNegative  # Mean absolute error [K].
+    max_K: NonNegative  # Maximum absolute error [K].
+    end_K: float  # Mean error over the last blocks, measured minus predicted [K].
+    # Probability of such residuals if they were white [1], by Ljung and Box.
     whiteness_p: Probability | None
-    coverage_95: Probability
-    log_score: float | None
+    coverage_95: Probability  # Share of the readings inside the 95 % band [1].
+    log_score: float | None  # Mean log predictive density of a block [nat].
+    # Its standard error, which allows for neighbouring blocks that err alike [nat]; null for less
+    # than ten blocks, unset in files of earlier versions.
     log_score_se: NonNegative | UnsetType | None = UNSET
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BodyRow:
-    """Error figures of one measured body beside the winding in one test.
+    """Error figures of one measured body beside the winding in one test."""
 
-    Attributes:
-        test: Name of the test.
-        role: Whether the test was fitted or only predicted.
-        body: Channel of the body.
-        node: The node that it is compared with.
-        fitted: Whether the readings of this body took part in the fit, with the errors of their
-            sensor; if not, they are held against the node's temperature.
-        rmse_K: Root mean square error [K].
-        mean_K: Mean error, measured minus predicted [K].
-        max_K: Maximum absolute error [K].
-        coverage_95: Share of the readings inside the 95 % band [1].
-    """
-
-    test: str
-    role: Role
-    body: str
-    node: str
+    test: str  # Name of the test.
+    role: Role  # Whether the test was fitted or only predicted.
+    body: str  # Channel of the body.
+    node: str  # The node that it is compared with.
+    # Whether the readings of this body took part in the fit, with the errors of their sensor; if
+    # not, they are held against the node's temperature.
     fitted: bool
-    rmse_K: NonNegative
-    mean_K: float
-    max_K: NonNegative
-    coverage_95: Probability
+    rmse_K: NonNegative  # Root mean square error [K].
+    mean_K: float  # Mean error, measured minus predicted [K].
+    max_K: NonNegative  # Maximum absolute error [K].
+    coverage_95: Probability  # Share of the readings inside the 95 % band [1].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WindingAtEnd:
-    """Whether the winding had settled under the last load that was held.
+    """Whether the winding had settled under the last load that was held."""
 
-    Attributes:
-        is_reached: Whether thermal equilibrium was reached; null where the readings leave it open.
-        gradient_K_per_h: Of its rise over the sink in the last interval [K/h].
-        gradient_se_K_per_h: Its standard error [K/h].
-        from_s: Begin of the stretch [s].
-        to_s: Its end [s].
-        continued_K: Steady rise of the readings alone, by one exponential [K]; null where it was
-            reached, or the readings show no end.
-        continued_95_K: Its 95 % interval [K]; null likewise.
-        criterion: Standard whose criterion of equilibrium it is; unset in earlier versions.
-        network_K: Steady rise of the network under the load of the last third of the stretch [K];
-            null where it was reached, or the network has none.
-        network_95_K: Its 95 % interval [K]; null likewise.
-    """
-
+    # Whether thermal equilibrium was reached; null where the readings leave it open.
     is_reached: bool | None
-    gradient_K_per_h: float
-    gradient_se_K_per_h: NonNegative
-    from_s: float
-    to_s: float
+    gradient_K_per_h: float  # Of its rise over the sink in the last interval [K/h].
+    gradient_se_K_per_h: NonNegative  # Its standard error [K/h].
+    from_s: float  # Begin of the stretch [s].
+    to_s: float  # Its end [s].
+    # Steady rise of the readings alone, by one exponential [K]; null where it was reached, or the
+    # readings show no end.
     continued_K: float | None = None
-    continued_95_K: Interval | None = None
+    continued_95_K: Interval | None = None  # Its 95 % interval [K]; null likewise.
+    # Standard whose criterion of equilibrium it is; unset in earlier versions.
     criterion: str | UnsetType = UNSET
+    # Steady rise of the network under the load of the last third of the stretch [K]; null where it
+    # was reached, or the network has none.
     network_K: float | None = None
-    network_95_K: Interval | None = None
+    network_95_K: Interval | None = None  # Its 95 % interval [K]; null likewise.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DescribedTest:
-    """What is said of a test.
+    """What is said of a test."""
 
-    Attributes:
-        name: Its name in the run.
-        role: Whether it was fitted or only predicted.
-        path: Its first file as the user gave it; empty for a record that was made in memory.
-        sha256: Digest of that file; empty likewise.
-        reader: Which reader read it.
-        stretch: The part of the files that was used, as it is written behind a file; unset
-            for all.
-        notes: What was converted, derived and reduced, in sentences.
-        mapping: How each channel came about.
-        duration_s: Its length [s].
-        num_samples: Samples of the record.
-        sample_s: Interval of the samples [s].
-        step_s: Step of the simulation [s].
-        block_s: Length of a block [s].
-        rounding_K: Resolution of the winding's readings [K]; 0 if none is seen.
-        start_degC: Mean of the winding's first readings [degC].
-        current_A: Smallest and largest rms current [A]; null if not recorded.
-        losses_W: Smallest and largest losses [W]; null if not recorded.
-        speed_rpm: Smallest and largest speed [rpm]; null if not recorded.
-        winding_degC: Lowest and highest winding temperature [degC]; null if not recorded.
-        sink_degC: Lowest and highest temperature of the sink [degC]; null if not recorded.
-        reduction_error_K: Error of reducing the record to blocks [K].
-        start: Day on which it began by the clock or the header of the record, ISO 8601; unset where
-            that has no date.
-        equilibrium: Of the winding; unset where no load was held for half an hour.
-    """
-
-    name: str
-    role: Role
-    path: str
-    sha256: str
-    reader: str = ""
+    name: str  # Its name in the run.
+    role: Role  # Whether it was fitted or only predicted.
+    path: str  # Its first file as the user gave it; empty for a record that was made in memory.
+    sha256: str  # Digest of that file; empty likewise.
+    reader: str = ""  # Which reader read it.
+    # The part of the files that was used, as it is written behind a file; unset for all.
     stretch: str | UnsetType = UNSET
-    notes: tuple[str, ...] = ()
-    mapping: tuple[ColumnReading, ...] = ()
-    duration_s: NonNegative
-    num_samples: Count
-    sample_s: float | None
-    step_s: float | None
-    block_s: float | None
-    rounding_K: float | None = None
-    start_degC: float | None = None
-    current_A: Interval | None
-    losses_W: Interval | None
-    speed_rpm: Interval | None
+    notes: tuple[str, ...] = ()  # What was converted, derived and reduced, in sentences.
+    mapping: tuple[ColumnReading, ...] = ()  # How each channel came about.
+    duration_s: NonNegative  # Its length [s].
+    num_samples: Count  # Samples of the record.
+    sample_s: float | None  # Interval of the samples [s].
+    step_s: float | None  # Step of the simulation [s].
+    block_s: float | None  # Length of a block [s].
+    rounding_K: float | None = None  # Resolution of the winding's readings [K]; 0 if none is seen.
+    start_degC: float | None = None  # Mean of the winding's first readings [degC].
+    current_A: Interval | None  # Smallest and largest rms current [A]; null if not recorded.
+    losses_W: Interval | None  # Smallest and largest losses [W]; null if not recorded.
+    speed_rpm: Interval | None  # Smallest and largest speed [rpm]; null if not recorded.
+    # Lowest and highest winding temperature [degC]; null if not recorded.
     winding_degC: Interval | None
+    # Lowest and highest temperature of the sink [degC]; null if not recorded.
     sink_degC: Interval | None
-    reduction_error_K: float | None = None
+    reduction_error_K: float | None = None  # Error of reducing the record to blocks [K].
+    # Day on which it began by the clock or the header of the record, ISO 8601; unset where that has
+    # no date.
     start: str | UnsetType = UNSET
+    # Of the winding; unset where no load was held for half an hour.
     equilibrium: WindingAtEnd | UnsetType = UNSET
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissingSpan:
-    """A stretch of time in which something is missing.
+    """A stretch of time in which something is missing."""
 
-    Attributes:
-        test: Name of the test.
-        from_s: Its begin [s].
-        to_s: Its end [s].
-        node: Node, or `"sensor"`.
-        missing_W: Mean missing heat [W]; unset for the sensor.
-        missing_K: Mean error of the reading [K]; unset for a node.
-        interval_95: 95 % interval of the one that is set [W or K].
-    """
-
-    test: str
-    from_s: float
-    to_s: float
-    node: str
-    missing_W: float | UnsetType = UNSET
-    missing_K: float | UnsetType = UNSET
-    interval_95: Interval
+    test: str  # Name of the test.
+    from_s: float  # Its begin [s].
+    to_s: float  # Its end [s].
+    node: str  # Node, or `"sensor"`.
+    missing_W: float | UnsetType = UNSET  # Mean missing heat [W]; unset for the sensor.
+    missing_K: float | UnsetType = UNSET  # Mean error of the reading [K]; unset for a node.
+    interval_95: Interval  # 95 % interval of the one that is set [W or K].
 
     def __post_init__(self) -> None:
         if (self.missing_W is UNSET) == (self.missing_K is UNSET):
@@ -294,53 +210,33 @@ Missing = Annotated[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissingCourse:
-    """What is missing at one node over one test.
+    """What is missing at one node over one test."""
 
-    Attributes:
-        test: Index of the calibration test, from 0.
-        node: Node, or `"sensor"`.
-        unit: W, or K for the sensor.
-        time_s: Times of the knots [s].
-        mean: What is missing at each knot [unit].
-        sd: Its standard deviation [unit].
-    """
-
-    test: Count
-    node: str
-    unit: str
-    time_s: tuple[float, ...]
-    mean: tuple[float, ...]
-    sd: tuple[float, ...]
+    test: Count  # Index of the calibration test, from 0.
+    node: str  # Node, or `"sensor"`.
+    unit: str  # W, or K for the sensor.
+    time_s: tuple[float, ...]  # Times of the knots [s].
+    mean: tuple[float, ...]  # What is missing at each knot [unit].
+    sd: tuple[float, ...]  # Its standard deviation [unit].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LocalisedMisfit:
-    """Where a model lacks heat or reads wrongly.
+    """Where a model lacks heat or reads wrongly."""
 
-    Attributes:
-        nodes: Nodes that the evidence puts it at; empty if nothing is missing.
-        log_evidence: Of each set of nodes, relative to none [nat].
-        dependence: Correlation of what is missing with what drives it, by node and driver [1].
-        courses: By test and node.
-    """
-
-    nodes: tuple[str, ...]
-    log_evidence: dict[str, float | None]
+    nodes: tuple[str, ...]  # Nodes that the evidence puts it at; empty if nothing is missing.
+    log_evidence: dict[str, float | None]  # Of each set of nodes, relative to none [nat].
+    # Correlation of what is missing with what drives it, by node and driver [1].
     dependence: dict[str, dict[str, float | None]]
-    courses: tuple[MissingCourse, ...]
+    courses: tuple[MissingCourse, ...]  # By test and node.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Localisation:
-    """Where something is missing, before and after.
+    """Where something is missing, before and after."""
 
-    Attributes:
-        before: With the base network.
-        after: With the final model.
-    """
-
-    before: LocalisedMisfit
-    after: LocalisedMisfit
+    before: LocalisedMisfit  # With the base network.
+    after: LocalisedMisfit  # With the final model.
 
 
 TOLD = 0.1
@@ -350,147 +246,96 @@ the tests have spoken."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EffectInModel:
-    """An effect that a model has.
+    """An effect that a model has."""
 
-    Attributes:
-        id: Its name in the catalogue.
-        law: Its law in words.
-        parameters: Names of its parameters among those of the model.
-        is_allowed_for: True where the tests ask for it, though not beyond doubt; else unset.
-    """
-
-    id: str
-    law: str
-    parameters: tuple[str, ...]
+    id: str  # Its name in the catalogue.
+    law: str  # Its law in words.
+    parameters: tuple[str, ...]  # Names of its parameters among those of the model.
+    # True where the tests ask for it, though not beyond doubt; else unset.
     is_allowed_for: bool | UnsetType = UNSET
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MaybeMissing:
-    """An effect that the network may miss; the posterior is averaged over these.
+    """An effect that the network may miss; the posterior is averaged over these."""
 
-    Attributes:
-        id: Its name in the catalogue.
-        test: The test that it happens in; null if it acts in all.
-        probability: That it is missing [1].
-        with_effect: Parameters of network and effect by name at the amplitude that counts as 1.
-        without: Parameters of the network alone that it is told from.
-    """
-
-    id: str
-    test: str | None = None
-    probability: Probability
+    id: str  # Its name in the catalogue.
+    test: str | None = None  # The test that it happens in; null if it acts in all.
+    probability: Probability  # That it is missing [1].
+    # Parameters of network and effect by name at the amplitude that counts as 1.
     with_effect: dict[str, float]
-    without: dict[str, float]
+    without: dict[str, float]  # Parameters of the network alone that it is told from.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Correlation:
-    """Correlation of the free parameters over the draws.
+    """Correlation of the free parameters over the draws."""
 
-    Attributes:
-        names: The parameters.
-        matrix: Their correlation [1]; null where a parameter does not vary.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # The parameters.
+    # Their correlation [1]; null where a parameter does not vary.
     matrix: tuple[tuple[float | None, ...], ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoggerNoise:
-    """The noise of one of several loggers.
+    """The noise of one of several loggers."""
 
-    Attributes:
-        sample_s: Sampling period [s].
-        resolution_K: Resolution of the readings [K]; 0 if none is seen.
-        sensor: Column of the file that holds the readings; empty where it is not known.
-        scale: Its noise over that of the first one [1].
-        tests: The fitted tests that were recorded with it.
-    """
-
-    sample_s: NonNegative
-    resolution_K: NonNegative
-    sensor: str
-    scale: NonNegative
-    tests: tuple[str, ...]
+    sample_s: NonNegative  # Sampling period [s].
+    resolution_K: NonNegative  # Resolution of the readings [K]; 0 if none is seen.
+    sensor: str  # Column of the file that holds the readings; empty where it is not known.
+    scale: NonNegative  # Its noise over that of the first one [1].
+    tests: tuple[str, ...]  # The fitted tests that were recorded with it.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedNoise:
-    """The noise of the residuals.
+    """The noise of the residuals."""
 
-    Attributes:
-        sd_K: Standard deviation of its slow part [K].
-        time_s: Correlation time of the slow part [s].
-        white_K: Standard deviation of the white part in a 20 s mean [K].
-        unmodelled_heat: Standard deviation of the heat that the network misses over the mean loss
-            [1].
-        kind: Correlated; earlier versions could count residuals as white.
-        loggers: Noise of each logger, where the tests were recorded with several; the figures above
-            are those of the first.
-        temper: 1; earlier versions could divide the evidence of the residuals by more.
-        prior: 95 % intervals of the priors by parameter of the noise.
-    """
-
-    sd_K: NonNegative
-    time_s: NonNegative
-    white_K: NonNegative
+    sd_K: NonNegative  # Standard deviation of its slow part [K].
+    time_s: NonNegative  # Correlation time of the slow part [s].
+    white_K: NonNegative  # Standard deviation of the white part in a 20 s mean [K].
+    # Standard deviation of the heat that the network misses over the mean loss [1].
     unmodelled_heat: NonNegative | UnsetType = UNSET
+    # Noise of each logger, where the tests were recorded with several; the figures above are those
+    # of the first.
     loggers: tuple[LoggerNoise, ...] | UnsetType = UNSET
+    # Correlated; earlier versions could count residuals as white.
     kind: Literal["correlated", "white"] = "correlated"
+    # 1; earlier versions could divide the evidence of the residuals by more.
     temper: NonNegative = 1.0
-    prior: dict[str, Interval]
+    prior: dict[str, Interval]  # 95 % intervals of the priors by parameter of the noise.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PosteriorQuality:
-    """How the posterior was drawn and whether it can be trusted.
+    """How the posterior was drawn and whether it can be trusted."""
 
-    Attributes:
-        method: How it was drawn.
-        draws: Number of draws.
-        ess_min: Smallest effective sample size.
-        autocorrelation_max: Longest autocorrelation time [steps]; null for importance sampling.
-        rhat_max: Largest R-hat [1]; null likewise.
-        pareto_k: Shape of the Pareto fit to the largest importance weights [1].
-        verdict: The judgement in words.
-        is_sound: Whether the draws can be trusted.
-        ess_tail_min: Smallest effective sample size of the share of draws in a tail of 5 %; unset
-            for importance sampling.
-        agreement_p: Probability of differences between the ensembles and their halves as large as
-            they are, in means and tails, had all been drawn from one law [1]; unset likewise.
-    """
-
-    method: str
-    draws: Count
-    ess_min: float | None
+    method: str  # How it was drawn.
+    draws: Count  # Number of draws.
+    ess_min: float | None  # Smallest effective sample size.
+    # Longest autocorrelation time [steps]; null for importance sampling.
     autocorrelation_max: float | None
-    rhat_max: float | None
-    pareto_k: float | None
-    verdict: str
-    is_sound: bool
+    rhat_max: float | None  # Largest R-hat [1]; null likewise.
+    pareto_k: float | None  # Shape of the Pareto fit to the largest importance weights [1].
+    verdict: str  # The judgement in words.
+    is_sound: bool  # Whether the draws can be trusted.
+    # Smallest effective sample size of the share of draws in a tail of 5 %; unset for importance
+    # sampling.
     ess_tail_min: float | UnsetType = UNSET
+    # Probability of differences between the ensembles and their halves as large as they are, in
+    # means and tails, had all been drawn from one law [1]; unset likewise.
     agreement_p: float | UnsetType = UNSET
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """Figures that networks are compared by.
+    """Figures that networks are compared by."""
 
-    Attributes:
-        log_evidence: Laplace approximation of the marginal likelihood [nat].
-        aic: Akaike's information criterion.
-        bic: Bayesian information criterion.
-        num_parameters: Free parameters, with those of the noise.
-        num_blocks: Block means that were fitted.
-    """
-
-    log_evidence: float | None
-    aic: float | None = None
-    bic: float | None = None
-    num_parameters: Count
-    num_blocks: Count
+    log_evidence: float | None  # Laplace approximation of the marginal likelihood [nat].
+    aic: float | None = None  # Akaike's information criterion.
+    bic: float | None = None  # Bayesian information criterion.
+    num_parameters: Count  # Free parameters, with those of the noise.
+    num_blocks: Count  # Block means that were fitted.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -498,16 +343,11 @@ class Replica:
     """The plain network that behaves most like a model with effects over its fitted tests.
 
     It is no result of its own: its numbers hold for such loads alone, and have no interval.
-
-    Attributes:
-        parameters: By name [J/K, K/W].
-        rmse_K: Its error on each test [K].
-        from_model_K: Root mean square of its distance from the model on the fitted tests [K].
     """
 
-    parameters: dict[str, float]
-    rmse_K: dict[str, float]
-    from_model_K: float
+    parameters: dict[str, float]  # By name [J/K, K/W].
+    rmse_K: dict[str, float]  # Its error on each test [K].
+    from_model_K: float  # Root mean square of its distance from the model on the fitted tests [K].
 
     def numbers(self) -> str:
         """Return the parameters as they are printed."""
@@ -519,86 +359,52 @@ class Replica:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TestedLoad:
-    """The loaded part of the fitted tests, which figures are stated at, and how far they went.
-
-    Attributes:
-        current_A: Rms current of the loaded part [A].
-        losses_W: Mean of its loss channel [W].
-        winding_degC: Mean of its readings [degC].
-        sink_degC: Mean temperature of the sink over all tests [degC].
-        second_sink_degC: That of a second sink [degC]; null without.
-        speed_rpm: Mean speed of the loaded part [rpm]; null where a test does not tell it.
-        coolant_degC: Likewise that of the coolant [degC].
-        fan: Likewise fan or flow over its rated value [1].
-        rated_speed_rpm: Speed that effects are scaled with [rpm].
-        rated_current_A: Current that effects are scaled with [A].
-        largest_current_A: Largest rms current of a block [A].
-        highest_winding_degC: Highest reading of a block [degC].
-    """
+    """The loaded part of the fitted tests, which figures are stated at, and how far they went."""
 
     __test__ = False  # no class of tests
 
-    current_A: NonNegative
-    losses_W: float
-    winding_degC: float
-    sink_degC: float
-    second_sink_degC: float | None = None
+    current_A: NonNegative  # Rms current of the loaded part [A].
+    losses_W: float  # Mean of its loss channel [W].
+    winding_degC: float  # Mean of its readings [degC].
+    sink_degC: float  # Mean temperature of the sink over all tests [degC].
+    second_sink_degC: float | None = None  # That of a second sink [degC]; null without.
+    # Mean speed of the loaded part [rpm]; null where a test does not tell it.
     speed_rpm: float | None = None
-    coolant_degC: float | None = None
-    fan: float | None = None
-    rated_speed_rpm: float
-    rated_current_A: float
-    largest_current_A: NonNegative
-    highest_winding_degC: float
+    coolant_degC: float | None = None  # Likewise that of the coolant [degC].
+    fan: float | None = None  # Likewise fan or flow over its rated value [1].
+    rated_speed_rpm: float  # Speed that effects are scaled with [rpm].
+    rated_current_A: float  # Current that effects are scaled with [A].
+    largest_current_A: NonNegative  # Largest rms current of a block [A].
+    highest_winding_degC: float  # Highest reading of a block [degC].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedModel:
-    """A network as it was fitted.
+    """A network as it was fitted."""
 
-    Attributes:
-        title: Its name in words.
-        nodes: Its nodes.
-        sinks: Its two sinks, the one that rises count from first; unset where it has one.
-        effects: Effects that it has.
-        result: How the fit ended.
-        message: The same as a sentence.
-        stats: Figures of the search by name.
-        num_modes: Optima that share the posterior.
-        parameters: Network, resistance and effects by name.
-        nuisances: Instruments and starts by name.
-        correlation: Of the free parameters.
-        noise: Of the residuals.
-        residuals: Errors by test.
-        bodies: Errors of measured bodies beside the winding.
-        posterior: How it was drawn.
-        derived: Figures that follow from the parameters, by name with unit.
-        evidence: What the network is compared by, without the effects that it may miss.
-        maybe_missing: Effects that it may miss, the most probable first; the draws are averaged
-            over them.
-        replica: The plain network nearest to it; unset where it has no effects.
-        load: What `derived` is stated at; unset in runs of earlier versions.
-    """
-
-    title: str = ""
-    nodes: tuple[str, ...] = ()
+    title: str = ""  # Its name in words.
+    nodes: tuple[str, ...] = ()  # Its nodes.
+    # Its two sinks, the one that rises count from first; unset where it has one.
     sinks: tuple[str, ...] | UnsetType = UNSET
-    effects: tuple[EffectInModel, ...] = ()
-    result: Literal["converged", "not_converged", "no_start"]
-    message: str
-    stats: dict[str, int | float | None]
-    num_modes: Count
-    parameters: dict[str, FittedParameter]
-    nuisances: dict[str, FittedParameter]
-    correlation: Correlation
-    noise: FittedNoise
-    residuals: tuple[ResidualRow, ...]
-    bodies: tuple[BodyRow, ...] | UnsetType = UNSET
-    posterior: PosteriorQuality
-    derived: dict[str, Derived]
-    evidence: Evidence
+    effects: tuple[EffectInModel, ...] = ()  # Effects that it has.
+    result: Literal["converged", "not_converged", "no_start"]  # How the fit ended.
+    message: str  # The same as a sentence.
+    stats: dict[str, int | float | None]  # Figures of the search by name.
+    num_modes: Count  # Optima that share the posterior.
+    parameters: dict[str, FittedParameter]  # Network, resistance and effects by name.
+    nuisances: dict[str, FittedParameter]  # Instruments and starts by name.
+    correlation: Correlation  # Of the free parameters.
+    noise: FittedNoise  # Of the residuals.
+    residuals: tuple[ResidualRow, ...]  # Errors by test.
+    bodies: tuple[BodyRow, ...] | UnsetType = UNSET  # Errors of measured bodies beside the winding.
+    posterior: PosteriorQuality  # How it was drawn.
+    derived: dict[str, Derived]  # Figures that follow from the parameters, by name with unit.
+    evidence: Evidence  # What the network is compared by, without the effects that it may miss.
+    # Effects that it may miss, the most probable first; the draws are averaged over them.
     maybe_missing: tuple[MaybeMissing, ...] | UnsetType = UNSET
+    # The plain network nearest to it; unset where it has no effects.
     replica: Replica | UnsetType = UNSET
+    # What `derived` is stated at; unset in runs of earlier versions.
     load: TestedLoad | UnsetType = UNSET
 
     def allowing_for(self, ids: Collection[str]) -> FittedModel:
@@ -631,75 +437,48 @@ class FittedModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NetworkVerdict:
-    """Which of two networks the data favour.
+    """Which of two networks the data favour."""
 
-    Attributes:
-        order: Name of the network, or `"undecided"`.
-        sentence: The verdict in words.
-        log_bayes_factor: Of the network with more nodes to the other one [nat]; null if there are
-            not two.
-        log_score_difference: Mean log score per block of the network with more nodes less that of
-            the other one, over the held-out tests [nat]; unset where there is none.
-        log_score_difference_se: Its standard error, which allows for neighbouring blocks that err
-            alike [nat]; unset likewise.
-    """
-
-    order: str
-    sentence: str
+    order: str  # Name of the network, or `"undecided"`.
+    sentence: str  # The verdict in words.
+    # Of the network with more nodes to the other one [nat]; null if there are not two.
     log_bayes_factor: float | None
+    # Mean log score per block of the network with more nodes less that of the other one, over the
+    # held-out tests [nat]; unset where there is none.
     log_score_difference: float | UnsetType = UNSET
+    # Its standard error, which allows for neighbouring blocks that err alike [nat]; unset likewise.
     log_score_difference_se: NonNegative | UnsetType = UNSET
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Threshold:
-    """How long two networks stay within an error.
+    """How long two networks stay within an error."""
 
-    Attributes:
-        test: Name of the test.
-        limit_K: The error [K].
-        until_s: Time at which the network with fewer nodes leaves it [s]; null if it never does.
-        second_until_s: The same for the other network [s].
-    """
-
-    test: str
-    limit_K: NonNegative
+    test: str  # Name of the test.
+    limit_K: NonNegative  # The error [K].
+    # Time at which the network with fewer nodes leaves it [s]; null if it never does.
     until_s: float | None
-    second_until_s: float | None
+    second_until_s: float | None  # The same for the other network [s].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Peak:
-    """The measured peak of a test and what two networks predict there.
+    """The measured peak of a test and what two networks predict there."""
 
-    Attributes:
-        test: Name of the test.
-        time_s: When [s].
-        measured_degC: The peak [degC].
-        first_degC: What the network with fewer nodes predicts [degC].
-        second_degC: What the other one predicts [degC].
-    """
-
-    test: str
-    time_s: float
-    measured_degC: float
-    first_degC: float
-    second_degC: float
+    test: str  # Name of the test.
+    time_s: float  # When [s].
+    measured_degC: float  # The peak [degC].
+    first_degC: float  # What the network with fewer nodes predicts [degC].
+    second_degC: float  # What the other one predicts [degC].
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """Two networks over the same tests.
+    """Two networks over the same tests."""
 
-    Attributes:
-        words: The comparison in sentences.
-        thresholds: By test and error.
-        peak: By test.
-    """
-
-    words: tuple[str, ...]
-    thresholds: tuple[Threshold, ...]
-    peak: tuple[Peak, ...]
+    words: tuple[str, ...]  # The comparison in sentences.
+    thresholds: tuple[Threshold, ...]  # By test and error.
+    peak: tuple[Peak, ...]  # By test.
 
 
 FIT_FORMAT = "heatrun-fit/1"
@@ -708,80 +487,48 @@ FIT_FORMAT = "heatrun-fit/1"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedMotor:
-    """What the motor file said of the machine.
+    """What the motor file said of the machine."""
 
-    Attributes:
-        name: The machine.
-        phases: Number of phases [1].
-        losses: Whether `losses_W` is the measured total or the other losses alone.
-        sink: Channel that the stator loses its heat to.
-        insulation_class: IEC 60085 class letter, or null.
-        phase_resistance_ohm: At the reference temperature [ohm], or null.
-        reference_temperature_degC: Temperature that the resistance holds for [degC].
-        resistance_coefficient_degC: B of R(T) = R (B + T)/(B + Tref) [degC].
-        rated_speed_rpm: Speed that effects are scaled with [rpm], or null.
-        rated_current_A: Rms current that they are scaled with [A], or null.
-        path: The motor file as the user gave it; empty if made in memory.
-        sha256: Its digest; empty likewise.
-    """
-
-    name: str
-    phases: Count
+    name: str  # The machine.
+    phases: Count  # Number of phases [1].
+    # Whether `losses_W` is the measured total or the other losses alone.
     losses: Literal["balance", "map"]
-    sink: Literal["ambient", "coolant"]
-    insulation_class: str | None
-    phase_resistance_ohm: float | None
-    reference_temperature_degC: float
-    resistance_coefficient_degC: float
-    rated_speed_rpm: float | None = None
-    rated_current_A: float | None = None
-    path: str
-    sha256: str
+    sink: Literal["ambient", "coolant"]  # Channel that the stator loses its heat to.
+    insulation_class: str | None  # IEC 60085 class letter, or null.
+    phase_resistance_ohm: float | None  # At the reference temperature [ohm], or null.
+    reference_temperature_degC: float  # Temperature that the resistance holds for [degC].
+    resistance_coefficient_degC: float  # B of R(T) = R (B + T)/(B + Tref) [degC].
+    rated_speed_rpm: float | None = None  # Speed that effects are scaled with [rpm], or null.
+    rated_current_A: float | None = None  # Rms current that they are scaled with [A], or null.
+    path: str  # The motor file as the user gave it; empty if made in memory.
+    sha256: str  # Its digest; empty likewise.
 
 
 @dataclass(frozen=True, slots=True)
 class UseVerdict:
-    """Whether the parameters can be used: the one verdict, which every page prints.
+    """Whether the parameters can be used: the one verdict, which every page prints."""
 
-    Attributes:
-        use: In a word.
-        sentence: What it means here.
-        reasons: What decides it first, then what else it rests on, in sentences.
-    """
-
-    use: Literal["usable", "restricted", "not usable"]
-    sentence: str
-    reasons: tuple[str, ...]
+    use: Literal["usable", "restricted", "not usable"]  # In a word.
+    sentence: str  # What it means here.
+    reasons: tuple[str, ...]  # What decides it first, then what else it rests on, in sentences.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitResult:
-    """The result of a calibration, or of the final model of a discovery.
+    """The result of a calibration, or of the final model of a discovery."""
 
-    Attributes:
-        format: Of this file.
-        heatrun_version: That wrote it.
-        command: As it was given.
-        seed: Random seed.
-        motor: The machine.
-        tests: Calibration first.
-        findings: About records, fits and sampling.
-        verdict: Which network the data favour.
-        models: The fitted networks by name, the one with fewer nodes first.
-        comparison: Of two networks; null if there are not two.
-        effects: Ids of the effects that the tests asked for; unset in runs of earlier versions.
-        use: Whether the parameters can be used; unset in runs of earlier versions.
-    """
-
-    format: Literal["heatrun-fit/1"]
-    heatrun_version: str
-    command: str
-    seed: int
-    motor: FittedMotor
-    tests: Annotated[tuple[DescribedTest, ...], Meta(min_length=1)]
-    findings: tuple[Finding, ...]
-    verdict: NetworkVerdict
+    format: Literal["heatrun-fit/1"]  # Of this file.
+    heatrun_version: str  # That wrote it.
+    command: str  # As it was given.
+    seed: int  # Random seed.
+    motor: FittedMotor  # The machine.
+    tests: Annotated[tuple[DescribedTest, ...], Meta(min_length=1)]  # Calibration first.
+    findings: tuple[Finding, ...]  # About records, fits and sampling.
+    verdict: NetworkVerdict  # Which network the data favour.
+    # The fitted networks by name, the one with fewer nodes first.
     models: Annotated[dict[str, FittedModel], Meta(min_length=1)]
-    comparison: Comparison | None
+    comparison: Comparison | None  # Of two networks; null if there are not two.
+    # Ids of the effects that the tests asked for; unset in runs of earlier versions.
     effects: tuple[str, ...] | UnsetType = UNSET
+    # Whether the parameters can be used; unset in runs of earlier versions.
     use: UseVerdict | UnsetType = UNSET

@@ -3,15 +3,14 @@
 `python -m heatrun.results.schema fit-1.json` prints one, without a name their names.
 """
 
-from __future__ import annotations
-
+import dataclasses
 import inspect
 import json
 import re
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import msgspec
 
@@ -24,8 +23,8 @@ NOTE = "Fields may be added within a format; none is taken away or changes its m
 
 RUN = {"type": "string", "description": "The run folder; only in what --json prints"}
 
-ATTRIBUTE = re.compile(r"^ {4}(\w+): (.*(?:\n {8}.*)*)", re.M)
-"""A field and its description in a docstring."""
+FIELD = re.compile(r"((?:^ {4}# .*\n)*)^ {4}(\w+): .*?(?:  # (.*))?$", re.M)
+"""A field of a type in its source: what is said above it, its name, what is said behind it."""
 
 Schemas = Mapping[str, tuple[type, str]]
 
@@ -48,7 +47,8 @@ def schema_of(name: str, schemas: Schemas = SCHEMAS) -> dict[str, Any]:
     """
     kind, title = schemas[name]
     found = msgspec.json.schema(kind)
-    definitions = {key: _tidy(each) for key, each in found["$defs"].items()}
+    types = _types_within(kind)
+    definitions = {key: _tidy(each, types[key]) for key, each in found["$defs"].items()}
     root = definitions.pop(kind.__name__)
     return {
         "$schema": DIALECT,
@@ -74,20 +74,27 @@ def print_schemas(names: Sequence[str], schemas: Schemas = SCHEMAS) -> int:
     return 0
 
 
-def _tidy(definition: dict[str, Any]) -> dict[str, Any]:
-    """Return the schema of a type with what its docstring says of each field beside the field."""
-    if "description" not in definition:
-        return definition
-    said, _, attributes = inspect.cleandoc(definition["description"]).partition("Attributes:\n")
-    words = dict(ATTRIBUTE.findall(attributes))
-    return {
-        **definition,
-        "description": said.strip(),
-        "properties": {
-            name: {**each, "description": " ".join(words[name].split())} if name in words else each
-            for name, each in definition["properties"].items()
-        },
+def _types_within(kind: Any) -> dict[str, Any]:
+    """Return a type and all types that its fields are made of, by name."""
+    if not (isinstance(kind, type) and dataclasses.is_dataclass(kind)):
+        return {key: one for each in get_args(kind) for key, one in _types_within(each).items()}
+    found = {kind.__name__: kind}
+    for each in get_type_hints(kind).values():
+        found |= _types_within(each)
+    return found
+
+
+def _tidy(definition: dict[str, Any], kind: type) -> dict[str, Any]:
+    """Return the schema of a type with what its source says of each field beside the field."""
+    said = FIELD.findall("".join(map(inspect.getsource, kind.__mro__[:-1])))  # all but `object`
+    words = {name: " ".join([*above.replace("# ", "").split(), behind]).strip()
+             for above, name, behind in said}  # fmt: skip
+    properties = {
+        name: {**each, "description": words[name]} if words[name] else each
+        for name, each in definition["properties"].items()
     }
+    about = inspect.cleandoc(definition["description"])
+    return {**definition, "description": about, "properties": properties}
 
 
 if __name__ == "__main__":

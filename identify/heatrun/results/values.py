@@ -17,8 +17,6 @@ tell nothing of it, as of most instruments.
 Reference: JCGM 100:2008 (GUM), 4.3 and 5.1.2.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math
@@ -135,43 +133,27 @@ Type = Literal["A", "B"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BudgetRow:
-    """One source of the uncertainty.
+    """One source of the uncertainty."""
 
-    Attributes:
-        source: In words.
-        type: A for what the scatter of the readings brings, B for what a prior mean does.
-        unit: Of the source; empty where several numbers stand behind it.
-        standard_uncertainty: Of the source alone [unit]; null where it has no unit.
-        sensitivity: Of the answer to one unit [its unit per unit]; null likewise.
-        contribution: Standard uncertainty that it brings to the answer [its unit].
-        share: Of the variance [1].
-    """
-
-    source: str
-    type: Type
-    unit: str
+    source: str  # In words.
+    type: Type  # A for what the scatter of the readings brings, B for what a prior mean does.
+    unit: str  # Of the source; empty where several numbers stand behind it.
+    # Of the source alone [unit]; null where it has no unit.
     standard_uncertainty: NonNegative | None
-    sensitivity: float | None
-    contribution: NonNegative
-    share: Probability
+    sensitivity: float | None  # Of the answer to one unit [its unit per unit]; null likewise.
+    contribution: NonNegative  # Standard uncertainty that it brings to the answer [its unit].
+    share: Probability  # Of the variance [1].
 
 
 class Part(NamedTuple):
-    """What a source brings.
+    """What a source brings."""
 
-    Attributes:
-        source: In words.
-        type: As `BudgetRow.type`.
-        moves: By how much the answer moves with one standard uncertainty of the source.
-        sd: Standard uncertainty of the source [unit]; None where several numbers stand behind it.
-        unit: Of the source.
-    """
-
-    source: str
-    type: Type
-    moves: float
+    source: str  # In words.
+    type: Type  # As `BudgetRow.type`.
+    moves: float  # By how much the answer moves with one standard uncertainty of the source.
+    # Standard uncertainty of the source [unit]; None where several numbers stand behind it.
     sd: float | None = None
-    unit: str = ""
+    unit: str = ""  # Of the source.
 
 
 def budget(parts: Iterable[Part]) -> tuple[BudgetRow, ...]:

@@ -56,56 +56,33 @@ class Estimate:
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """One quantity before and after.
+    """One quantity before and after."""
 
-    Attributes:
-        name: As in `fit.json`.
-        unit: Its unit.
-        condition: What both values hold under; empty for a parameter of the network as it is.
-        before: Before [unit].
-        after: After [unit].
-        difference: After less before [unit].
-        relative: The difference over the value before [1].
-        grew: Probability that it grew [1].
-        changed: Probability that it changed by more than the size asked for, up or down [1].
-    """
-
-    name: str
-    unit: str
-    condition: str
-    before: Estimate
-    after: Estimate
-    difference: Estimate
-    relative: Estimate
-    grew: Probability
+    name: str  # As in `fit.json`.
+    unit: str  # Its unit.
+    condition: str  # What both values hold under; empty for a parameter of the network as it is.
+    before: Estimate  # Before [unit].
+    after: Estimate  # After [unit].
+    difference: Estimate  # After less before [unit].
+    relative: Estimate  # The difference over the value before [1].
+    grew: Probability  # Probability that it grew [1].
+    # Probability that it changed by more than the size asked for, up or down [1].
     changed: Probability
 
 
 @dataclass(frozen=True, kw_only=True)
 class BeforeAfter:
-    """What changed between two runs.
+    """What changed between two runs."""
 
-    Attributes:
-        format: Of this object.
-        before: Folder of the run before.
-        after: Folder of the run after.
-        networks: The network that was taken of each.
-        size: The change that the probabilities ask for [1].
-        sentence: The one thing that decides.
-        changes: What was compared.
-        not_compared: Why not, by name of what was not.
-        notes: What bears on all of it.
-    """
-
-    format: Literal["heatrun-compare/1"]
-    before: str
-    after: str
-    networks: tuple[str, str]
-    size: float
-    sentence: str
-    changes: tuple[Change, ...]
-    not_compared: Mapping[str, str]
-    notes: tuple[str, ...]
+    format: Literal["heatrun-compare/1"]  # Of this object.
+    before: str  # Folder of the run before.
+    after: str  # Folder of the run after.
+    networks: tuple[str, str]  # The network that was taken of each.
+    size: float  # The change that the probabilities ask for [1].
+    sentence: str  # The one thing that decides.
+    changes: tuple[Change, ...]  # What was compared.
+    not_compared: Mapping[str, str]  # Why not, by name of what was not.
+    notes: tuple[str, ...]  # What bears on all of it.
 
 
 _Drawn = tuple[Float[np.ndarray, " draw"], DerivedFigure]

@@ -111,25 +111,17 @@ STEPS_PER_TIME_CONSTANT = 10
 
 @dataclass(frozen=True)
 class Rated:
-    """A machine that is to be rated.
+    """A machine that is to be rated."""
 
-    Attributes:
-        draw_values: Model and values behind each draw.
-        drawn: The machine of each draw.
-        times: Its time constants [s], shape (draw, node), shortest first.
-        seen: Range of the tests.
-        limit: The permitted rise, else the temperature of the class; None if no class is given.
-        surroundings: As `heatrun.runs.machine.Tested.surroundings`.
-        rated_A: The rated current, else that of the loaded tests [A].
-    """
-
-    draw_values: DrawValues
-    drawn: Machine
+    draw_values: DrawValues  # Model and values behind each draw.
+    drawn: Machine  # The machine of each draw.
+    # Its time constants [s], shape (draw, node), shortest first.
     times: Float[np.ndarray, "draw node"]
-    seen: Tested
+    seen: Tested  # Range of the tests.
+    # The permitted rise, else the temperature of the class; None if no class is given.
     limit: Limit | None
-    surroundings: str
-    rated_A: float = math.nan
+    surroundings: str  # As `heatrun.runs.machine.Tested.surroundings`.
+    rated_A: float = math.nan  # The rated current, else that of the loaded tests [A].
 
     @cached_property
     def sample(self) -> Sample:
@@ -152,19 +144,12 @@ class Rated:
 
 
 class Sample(NamedTuple):
-    """Draws of a machine.
+    """Draws of a machine."""
 
-    Attributes:
-        values: Its parameters by name.
-        other: Other losses of the loaded part [W].
-        longest_s: Longest step of a simulation [s].
-        cold: Each node at the temperature of the sink [degC].
-    """
-
-    values: dict[str, Float[np.ndarray, " draw"]]
-    other: Float[np.ndarray, " draw"]
-    longest_s: float
-    cold: dict[str, Float[np.ndarray, " draw"]]
+    values: dict[str, Float[np.ndarray, " draw"]]  # Its parameters by name.
+    other: Float[np.ndarray, " draw"]  # Other losses of the loaded part [W].
+    longest_s: float  # Longest step of a simulation [s].
+    cold: dict[str, Float[np.ndarray, " draw"]]  # Each node at the temperature of the sink [degC].
 
 
 def duty_current(rated: Rated, duty: Duty) -> DerivedFigure:
@@ -256,23 +241,14 @@ def current_by_rms(
 
 
 class Phases(NamedTuple):
-    """The phases of a duty as arrays, shape (phase,).
+    """The phases of a duty as arrays, shape (phase,)."""
 
-    Attributes:
-        step: Length of a step [s].
-        num: Number of steps.
-        squared: Squared current over the largest [1].
-        speed: Speed over that of the loaded tests [1].
-        share: Losses other than copper over those of the loaded tests [1].
-        watts: What comes to them [W].
-    """
-
-    step: Float[Array, " phase"]
-    num: Int[Array, " phase"]
-    squared: Float[Array, " phase"]
-    speed: Float[Array, " phase"]
-    share: Float[Array, " phase"]
-    watts: Float[Array, " phase"]
+    step: Float[Array, " phase"]  # Length of a step [s].
+    num: Int[Array, " phase"]  # Number of steps.
+    squared: Float[Array, " phase"]  # Squared current over the largest [1].
+    speed: Float[Array, " phase"]  # Speed over that of the loaded tests [1].
+    share: Float[Array, " phase"]  # Losses other than copper over those of the loaded tests [1].
+    watts: Float[Array, " phase"]  # What comes to them [W].
 
 
 def held(phases: Sequence[Phase], loaded: Drive, longest_s: float) -> Phases:
@@ -355,17 +331,11 @@ NO_CURRENT = (
 
 @dataclass(frozen=True)
 class Limit:
-    """The limit of an insulation class.
+    """The limit of an insulation class."""
 
-    Attributes:
-        insulation: Letter of the class.
-        degC: Its temperature, or that which its permitted rise leads to [degC].
-        rise_K: The permitted rise [K]; None for the temperature of the class.
-    """
-
-    insulation: str
-    degC: float
-    rise_K: float | None = None
+    insulation: str  # Letter of the class.
+    degC: float  # Its temperature, or that which its permitted rise leads to [degC].
+    rise_K: float | None = None  # The permitted rise [K]; None for the temperature of the class.
 
     def __str__(self) -> str:
         """Return the limit as it stands in conditions."""

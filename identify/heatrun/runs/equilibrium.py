@@ -44,15 +44,10 @@ BESIDE = ("speed_rpm", "coolant_flow_L_per_min", "fan")
 
 @dataclass(frozen=True)
 class Stretch:
-    """A stretch of constant load.
+    """A stretch of constant load."""
 
-    Attributes:
-        from_s: Its beginning, on the record's clock [s].
-        to_s: Its end [s].
-    """
-
-    from_s: float
-    to_s: float
+    from_s: float  # Its beginning, on the record's clock [s].
+    to_s: float  # Its end [s].
 
     @property
     def length_s(self) -> float:
@@ -146,20 +141,13 @@ the upper fifth of the logarithms tried counts as such."""
 
 @dataclass(frozen=True)
 class SteadyRise:
-    """The steady state that a course tends to, extrapolated.
+    """The steady state that a course tends to, extrapolated."""
 
-    Attributes:
-        rise_K: Median of the steady rise over the sink [K].
-        rise_95_K: Its 95 % limits [K].
-        tau_s: Median of the time constant [s].
-        end_s: End of what was fitted [s].
-        draws: Steady rise, amplitude at the end and time constant, shape (3, draw).
-    """
-
-    rise_K: float
-    rise_95_K: tuple[float, float]
-    tau_s: float
-    end_s: float
+    rise_K: float  # Median of the steady rise over the sink [K].
+    rise_95_K: tuple[float, float]  # Its 95 % limits [K].
+    tau_s: float  # Median of the time constant [s].
+    end_s: float  # End of what was fitted [s].
+    # Steady rise, amplitude at the end and time constant, shape (3, draw).
     draws: Float[np.ndarray, "3 draw"]
 
     def course(self, time_s: Float[np.ndarray, " time"]) -> tuple[np.ndarray, ...]:
@@ -307,33 +295,24 @@ EXTRAPOLATION = (
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """Whether one part of the machine has settled on a stretch of constant load.
+    """Whether one part of the machine has settled on a stretch of constant load."""
 
-    Attributes:
-        channel: The temperature.
-        is_reached: At the end of the stretch; None where it does not allow a statement.
-        gradients_K_per_h: Over the last but one and the last interval [K/h]; empty without them.
-        errors_K_per_h: Their standard errors [K/h].
-        reason: Why there is no statement; else empty.
-        first_reached_s: When the criterion was first met by the intervals before [s], looked for
-            every five minutes; None if never.
-        stretch: The stretch; None where the record has no sample for it.
-        steady: Where it was not reached, the steady rise that the course tends to, extrapolated;
-            why there is none; or None where it was reached.
-        sink_degC: Mean of the sink over the last interval [degC]; NaN without samples.
-        is_held: Whether the load is known to have been constant.
-    """
-
-    channel: str
-    is_reached: bool | None
+    channel: str  # The temperature.
+    is_reached: bool | None  # At the end of the stretch; None where it does not allow a statement.
+    # Over the last but one and the last interval [K/h]; empty without them.
     gradients_K_per_h: tuple[float, ...] = ()
-    errors_K_per_h: tuple[float, ...] = ()
-    reason: str = ""
+    errors_K_per_h: tuple[float, ...] = ()  # Their standard errors [K/h].
+    reason: str = ""  # Why there is no statement; else empty.
+    # When the criterion was first met by the intervals before [s], looked for every five minutes;
+    # None if never.
     first_reached_s: float | None = None
-    stretch: Stretch | None = None
+    stretch: Stretch | None = None  # The stretch; None where the record has no sample for it.
+    # Where it was not reached, the steady rise that the course tends to, extrapolated; why there is
+    # none; or None where it was reached.
     steady: SteadyRise | str | None = None
+    # Mean of the sink over the last interval [degC]; NaN without samples.
     sink_degC: float = float("nan")
-    is_held: bool = False
+    is_held: bool = False  # Whether the load is known to have been constant.
 
 
 def equilibria(record: Record, motor: Motor, channel: str) -> tuple[Equilibrium, ...]:

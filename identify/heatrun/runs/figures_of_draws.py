@@ -42,18 +42,13 @@ LIKELY = 0.5
 
 
 class DrawValues(NamedTuple):
-    """What the figures are computed from.
+    """What the figures are computed from."""
 
-    Attributes:
-        model: The network with all effects that stand behind one of the draws.
-        values: By parameter name [their units], shape (draw,) each; an effect that does not stand
-            behind a draw is at its null.
-        likely: Effects that the network is likely to miss.
-    """
-
-    model: Model
+    model: Model  # The network with all effects that stand behind one of the draws.
+    # By parameter name [their units], shape (draw,) each; an effect that does not stand behind a
+    # draw is at its null.
     values: dict[str, Float[np.ndarray, " draw"]]
-    likely: tuple[type[AbstractEffect], ...]
+    likely: tuple[type[AbstractEffect], ...]  # Effects that the network is likely to miss.
 
 
 def alone(draws: Draws) -> DrawValues:

@@ -49,25 +49,17 @@ one quantity [1]: with the power 0.8 of a turbulent flow it changes by 8 %."""
 
 @dataclass(frozen=True)
 class Tested:
-    """What the tests have seen.
+    """What the tests have seen."""
 
-    Attributes:
-        current_A: Largest rms current of a block [A].
-        winding_degC: Highest reading of a block [degC].
-        loaded_winding_degC: Mean reading of the loaded part [degC].
-        loaded: Means over the loaded part: current, loss channel, speed, coolant and fan; the
-            sinks are those of all tests. Speed, coolant, fan and second sink only if every test
-            has them. Effects that follow the time stand as at the start of the first test.
-        rated_speed: Speed that effects are scaled with [rad/s].
-        rated_current: Current that effects are scaled with [A].
-    """
-
-    current_A: float
-    winding_degC: float
-    loaded_winding_degC: float
+    current_A: float  # Largest rms current of a block [A].
+    winding_degC: float  # Highest reading of a block [degC].
+    loaded_winding_degC: float  # Mean reading of the loaded part [degC].
+    # Means over the loaded part: current, loss channel, speed, coolant and fan; the sinks are those
+    # of all tests. Speed, coolant, fan and second sink only if every test has them. Effects that
+    # follow the time stand as at the start of the first test.
     loaded: Drive
-    rated_speed: float
-    rated_current: float
+    rated_speed: float  # Speed that effects are scaled with [rad/s].
+    rated_current: float  # Current that effects are scaled with [A].
 
     @classmethod
     def of(cls, load: TestedLoad) -> Tested:
@@ -222,25 +214,19 @@ WARM = 0.75
 
 
 class Machine(NamedTuple):
-    """What one draw says; arrays over draws where many are evaluated.
+    """What one draw says; arrays over draws where many are evaluated."""
 
-    Attributes:
-        other: Other losses of the loaded part [W].
-        copper_slope: Copper loss per squared ampere and kelvin [W/(A^2 K)].
-        rise: Steady rise of the copper [K], at the rated current where that was given, else at the
-            loaded part's; inf where it runs away.
-        limit_squared: Squared current that holds the copper at the limit [A^2].
-        cold_s: Time to the limit at the loaded part's current, from the sink [s].
-        warm_s: The same from `WARM` of the steady rise [s].
-        permitted_squared: Squared current that holds the copper at the permitted rise [A^2].
-    """
-
-    other: Float[Array, "*draw"]
-    copper_slope: Float[Array, "*draw"]
+    other: Float[Array, "*draw"]  # Other losses of the loaded part [W].
+    copper_slope: Float[Array, "*draw"]  # Copper loss per squared ampere and kelvin [W/(A^2 K)].
+    # Steady rise of the copper [K], at the rated current where that was given, else at the loaded
+    # part's; inf where it runs away.
     rise: Float[Array, "*draw"]
+    # Squared current that holds the copper at the limit [A^2].
     limit_squared: Float[Array, "*draw"]
+    # Time to the limit at the loaded part's current, from the sink [s].
     cold_s: Float[Array, "*draw"]
-    warm_s: Float[Array, "*draw"]
+    warm_s: Float[Array, "*draw"]  # The same from `WARM` of the steady rise [s].
+    # Squared current that holds the copper at the permitted rise [A^2].
     permitted_squared: Float[Array, "*draw"]
 
 
@@ -321,19 +307,12 @@ def machines(
 
 
 class UnderLoad(NamedTuple):
-    """A machine at the load of the tests.
+    """A machine at the load of the tests."""
 
-    Attributes:
-        network: The network.
-        losses: Its losses, the other ones given.
-        drive: The loaded part, with the other losses.
-        effects: The effects.
-    """
-
-    network: Network
-    losses: CopperLosses
-    drive: Drive
-    effects: tuple[AbstractEffect, ...]
+    network: Network  # The network.
+    losses: CopperLosses  # Its losses, the other ones given.
+    drive: Drive  # The loaded part, with the other losses.
+    effects: tuple[AbstractEffect, ...]  # The effects.
 
 
 def under_load(
@@ -409,21 +388,14 @@ NUM_DRAWS = 200
 
 @dataclass(frozen=True)
 class SteadyNetwork:
-    """The steady state of a network under the mean load of the last part of a stretch.
+    """The steady state of a network under the mean load of the last part of a stretch."""
 
-    Attributes:
-        median_degC: Temperature by node [degC].
-        limits_degC: Its 95 % limits by node [degC].
-        rise_K: Rise of the measured node over the sink [K], median and 95 % limits.
-        from_s: First moment of the load that it is told for [s].
-        to_s: Last one [s].
-    """
-
-    median_degC: Mapping[str, float]
-    limits_degC: Mapping[str, tuple[float, float]]
+    median_degC: Mapping[str, float]  # Temperature by node [degC].
+    limits_degC: Mapping[str, tuple[float, float]]  # Its 95 % limits by node [degC].
+    # Rise of the measured node over the sink [K], median and 95 % limits.
     rise_K: tuple[float, float, float]
-    from_s: float
-    to_s: float
+    from_s: float  # First moment of the load that it is told for [s].
+    to_s: float  # Last one [s].
 
 
 def steady_of_network(found: Prediction, stretch: Stretch) -> SteadyNetwork | None:

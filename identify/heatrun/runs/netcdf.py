@@ -282,19 +282,12 @@ PRIOR = (
 
 @dataclass(frozen=True)
 class Densities:
-    """Log densities of draws [nat].
+    """Log densities of draws [nat]."""
 
-    Attributes:
-        prior: Of the score of each parameter and of the noise.
-        winding: Of each window given all other readings.
-        dependence: Log likelihood less the sum of these.
-        windows: Test and times of each window, in words.
-    """
-
-    prior: Float[np.ndarray, "chain draw all"]
-    winding: Float[np.ndarray, "chain draw window"]
-    dependence: Float[np.ndarray, "chain draw"]
-    windows: tuple[str, ...]
+    prior: Float[np.ndarray, "chain draw all"]  # Of the score of each parameter and of the noise.
+    winding: Float[np.ndarray, "chain draw window"]  # Of each window given all other readings.
+    dependence: Float[np.ndarray, "chain draw"]  # Log likelihood less the sum of these.
+    windows: tuple[str, ...]  # Test and times of each window, in words.
 
 
 def densities(posterior: Posterior) -> Densities:

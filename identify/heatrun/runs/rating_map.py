@@ -8,8 +8,6 @@ highest nothing tells them, and they must be given. They are held at every curre
 that was run at a speed that errs to the safe side, above it the current is extrapolated.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -42,55 +40,34 @@ MIN_BLOCKS = 3
 
 @dataclass(frozen=True, kw_only=True)
 class Permitted:
-    """The permitted current of a duty at a speed.
+    """The permitted current of a duty at a speed."""
 
-    Attributes:
-        speed_rpm: Speed [rpm].
-        duty: `"S1"` or as in `--rating`.
-        other_losses_W: Losses other than copper, median [W].
-        other_losses_from: Where they come from, in words.
-        current: Current [A], or why there is none.
-    """
-
-    speed_rpm: float
-    duty: str
-    other_losses_W: float
-    other_losses_from: str
-    current: DerivedFigure
+    speed_rpm: float  # Speed [rpm].
+    duty: str  # `"S1"` or as in `--rating`.
+    other_losses_W: float  # Losses other than copper, median [W].
+    other_losses_from: str  # Where they come from, in words.
+    current: DerivedFigure  # Current [A], or why there is none.
 
 
 @dataclass(frozen=True, kw_only=True)
 class Endured:
-    """What a load whose current is stated leads to at a speed.
+    """What a load whose current is stated leads to at a speed."""
 
-    Attributes:
-        speed_rpm: Speed [rpm].
-        name: As in `fit.json`, such as `"time_to_limit_150A_cold_s"`.
-        found: Time [s], number of starts [1] or pause [s], or why there is none.
-    """
-
-    speed_rpm: float
-    name: str
-    found: DerivedFigure
+    speed_rpm: float  # Speed [rpm].
+    name: str  # As in `fit.json`, such as `"time_to_limit_150A_cold_s"`.
+    found: DerivedFigure  # Time [s], number of starts [1] or pause [s], or why there is none.
 
 
 @dataclass(frozen=True, kw_only=True)
 class RatingMap:
-    """Ratings of a run at several speeds.
+    """Ratings of a run at several speeds."""
 
-    Attributes:
-        network: Name of the network.
-        limit: What the winding is held at: the permitted rise, else the temperature of the class.
-        tested_rpm: Speeds that were run under load [rpm].
-        rows: The currents.
-        endured: What stated loads lead to.
-    """
-
-    network: str
+    network: str  # Name of the network.
+    # What the winding is held at: the permitted rise, else the temperature of the class.
     limit: str
-    tested_rpm: tuple[float, ...]
-    rows: tuple[Permitted, ...]
-    endured: tuple[Endured, ...] = ()
+    tested_rpm: tuple[float, ...]  # Speeds that were run under load [rpm].
+    rows: tuple[Permitted, ...]  # The currents.
+    endured: tuple[Endured, ...] = ()  # What stated loads lead to.
 
 
 def rating_map(

@@ -59,21 +59,16 @@ from .stated_duty import STANDING, Duty, Phase, Stated, other_nodes, parse_ratin
 
 
 class Rates(NamedTuple):
-    """What one draw says; arrays over draws where many are evaluated.
+    """What one draw says; arrays over draws where many are evaluated."""
 
-    Attributes:
-        node_times: Capacity times resistance of each node and its only way to the sink [s];
-            empty where a node has several.
-        A: State matrix without current [1/s], shape (node, node).
-        A_fed: State matrix at the loaded part's current, with R(T) and the other losses held as
-            for the steady rise [1/s], shape (node, node).
-        follows_time: Whether an effect depends on the time since the start of a test.
-    """
-
+    # Capacity times resistance of each node and its only way to the sink [s]; empty where a node
+    # has several.
     node_times: dict[str, Float[Array, "*draw"]]
-    A: Float[Array, "*draw node node"]
+    A: Float[Array, "*draw node node"]  # State matrix without current [1/s], shape (node, node).
+    # State matrix at the loaded part's current, with R(T) and the other losses held as for the
+    # steady rise [1/s], shape (node, node).
     A_fed: Float[Array, "*draw node node"]
-    follows_time: Array
+    follows_time: Array  # Whether an effect depends on the time since the start of a test.
 
 
 @compiled("model", is_seldom=True)

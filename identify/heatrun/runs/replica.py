@@ -27,16 +27,11 @@ of e [1]."""
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """A test whose course in a model a simpler network is to follow.
+    """A test whose course in a model a simpler network is to follow."""
 
-    Attributes:
-        test: The test, with the inputs that drive the simpler network.
-        course: Block means of the model [degC], shape (block,).
-        values: Instruments, starts and what else is not sought, by parameter name [their units].
-    """
-
-    test: Blocks
-    course: Float[np.ndarray, " block"]
+    test: Blocks  # The test, with the inputs that drive the simpler network.
+    course: Float[np.ndarray, " block"]  # Block means of the model [degC], shape (block,).
+    # Instruments, starts and what else is not sought, by parameter name [their units].
     values: Mapping[str, float]
 
     @cached_property
@@ -56,19 +51,14 @@ class Followed:
 
 @dataclass(frozen=True, eq=False)
 class Nearest:
-    """The parameters with which a network comes nearest to another model.
+    """The parameters with which a network comes nearest to another model."""
 
-    Attributes:
-        parameters: By name [J/K, K/W].
-        errors_K: Course of the network minus that of the model, by test [K], shape (block,) each.
-        slope: By logarithms of the parameters, weighted [K], shape (row, parameter).
-        weight: Of each row [1], shape (row,).
-    """
-
-    parameters: dict[str, float]
+    parameters: dict[str, float]  # By name [J/K, K/W].
+    # Course of the network minus that of the model, by test [K], shape (block,) each.
     errors_K: tuple[np.ndarray, ...]
+    # By logarithms of the parameters, weighted [K], shape (row, parameter).
     slope: Float[np.ndarray, "row parameter"]
-    weight: Float[np.ndarray, " row"]
+    weight: Float[np.ndarray, " row"]  # Of each row [1], shape (row,).
 
     @property
     def rms_K(self) -> float:

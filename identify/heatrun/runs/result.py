@@ -1,7 +1,5 @@
 """The result of a calibration: what stands in `fit.json`."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, replace

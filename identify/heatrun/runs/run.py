@@ -44,15 +44,10 @@ FORMAT = "heatrun-model/1"
 
 @dataclass(frozen=True)
 class ModelOfRun:
-    """A model with its priors over the tests that it was fitted to.
+    """A model with its priors over the tests that it was fitted to."""
 
-    Attributes:
-        model: Network with effects and nuisances.
-        parameters: Parameters with priors, fixed values and tests.
-    """
-
-    model: Model
-    parameters: ParameterSet
+    model: Model  # Network with effects and nuisances.
+    parameters: ParameterSet  # Parameters with priors, fixed values and tests.
 
 
 def model_text(found: ModelOfRun) -> bytes:
@@ -153,19 +148,12 @@ def course_name(number: int) -> str:
 
 @dataclass(frozen=True)
 class RunTest:
-    """A test of a run.
+    """A test of a run."""
 
-    Attributes:
-        name: Its name in the run.
-        role: Whether it was fitted or only predicted.
-        files: The files that it was read from.
-        said: What `fit.json` says of it.
-    """
-
-    name: str
-    role: Role
-    files: tuple[SourceFile, ...]
-    said: DescribedTest
+    name: str  # Its name in the run.
+    role: Role  # Whether it was fitted or only predicted.
+    files: tuple[SourceFile, ...]  # The files that it was read from.
+    said: DescribedTest  # What `fit.json` says of it.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -173,18 +161,12 @@ class Run:
     """What a calibration or a discovery left, read back from its folder.
 
     Nothing is changed by reading; every file is compared with the digest in the manifest first.
-
-    Attributes:
-        path: The folder.
-        result: What `fit.json` says.
-        read: Reads a file of the run.
-        is_finished: Whether it has its manifest; only then are files compared with it.
     """
 
-    path: Path
-    result: FitResult
-    read: Read = Path.read_bytes
-    is_finished: bool = True
+    path: Path  # The folder.
+    result: FitResult  # What `fit.json` says.
+    read: Read = Path.read_bytes  # Reads a file of the run.
+    is_finished: bool = True  # Whether it has its manifest; only then are files compared with it.
 
     def __repr__(self) -> str:
         """Return it on one line: the whole result is thousands of them."""

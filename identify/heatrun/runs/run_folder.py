@@ -43,15 +43,10 @@ from ..results.values import to_json
 
 @dataclass(frozen=True)
 class SourceFile:
-    """A file that a run was made of.
+    """A file that a run was made of."""
 
-    Attributes:
-        path: As it was given.
-        sha256: Its digest then.
-    """
-
-    path: str
-    sha256: str
+    path: str  # As it was given.
+    sha256: str  # Its digest then.
 
 
 def as_named(path: str, test: str, command: str) -> str:
@@ -151,21 +146,13 @@ PACKAGES = ("heatrun", "jax", "optimistix", "diffrax", "emcee", "numpy", "pandas
 
 @dataclass(frozen=True)
 class RunFolder:
-    """A run on its way to a folder.
+    """A run on its way to a folder."""
 
-    Attributes:
-        path: Where it will be.
-        partial: Where it is until it is whole.
-        note: What became of an earlier attempt at this place; empty if there was none.
-        lock: Held on `partial` while this process works in it.
-        identity: Digest of what makes the result what it is, for the manifest.
-    """
-
-    path: Path
-    partial: Path
-    note: str = ""
-    lock: FolderLock | None = None
-    identity: str = ""
+    path: Path  # Where it will be.
+    partial: Path  # Where it is until it is whole.
+    note: str = ""  # What became of an earlier attempt at this place; empty if there was none.
+    lock: FolderLock | None = None  # Held on `partial` while this process works in it.
+    identity: str = ""  # Digest of what makes the result what it is, for the manifest.
 
     @classmethod
     def begin(

@@ -4,8 +4,6 @@ Where their current is stated, the time to the limit or the number of starts is 
 current.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -24,19 +22,13 @@ COLUMNS = ("seconds", "current_A", "speed_rpm", "other_losses_W")
 
 
 class Phase(NamedTuple):
-    """A part of a duty over which the load stays.
+    """A part of a duty over which the load stays."""
 
-    Attributes:
-        seconds: Its length [s].
-        current: Rms current over that which is asked for, in a file the largest of the duty [1].
-        rpm: Speed; None for that of the loaded tests.
-        other_W: Losses other than copper; None for those of the loaded tests.
-    """
-
-    seconds: float
+    seconds: float  # Its length [s].
+    # Rms current over that which is asked for, in a file the largest of the duty [1].
     current: float
-    rpm: float | None = None
-    other_W: float | None = None
+    rpm: float | None = None  # Speed; None for that of the loaded tests.
+    other_W: float | None = None  # Losses other than copper; None for those of the loaded tests.
 
 
 STANDING = {"current": 0.0, "rpm": 0.0, "other_W": 0.0}
@@ -44,36 +36,25 @@ STANDING = {"current": 0.0, "rpm": 0.0, "other_W": 0.0}
 
 @dataclass(frozen=True)
 class Duty:
-    """A duty type of IEC 60034-1, or any other.
+    """A duty type of IEC 60034-1, or any other."""
 
-    Attributes:
-        name: As asked for: `"S2-30"` is 30 minutes from cold, `"S3-40"` 40 % of each cycle, then
-            at rest; `"S6-40"` the same, then without current at the speed of the tests.
-        phases: What is repeated.
-        num_cycles: Cycles until the last one counts.
-        losses: What the losses are, for the condition.
-        words: The duty in words, for the condition.
-    """
-
+    # As asked for: `"S2-30"` is 30 minutes from cold, `"S3-40"` 40 % of each cycle, then at rest;
+    # `"S6-40"` the same, then without current at the speed of the tests.
     name: str
-    phases: tuple[Phase, ...]
-    num_cycles: int
-    losses: str
-    words: str
+    phases: tuple[Phase, ...]  # What is repeated.
+    num_cycles: int  # Cycles until the last one counts.
+    losses: str  # What the losses are, for the condition.
+    words: str  # The duty in words, for the condition.
 
 
 class Stated(NamedTuple):
-    """A load whose current is stated: held, or started in succession, until the limit.
+    """A load whose current is stated: held, or started in succession, until the limit."""
 
-    Attributes:
-        name: As asked for, without what is sought.
-        phases: Their `current` in amperes; of a load that is held, one of any length.
-        start: `"cold"`, `"hot"`, the winding's temperature [degC], or that of each node; None for
-            starts, from cold and from hot.
-    """
-
-    name: str
+    name: str  # As asked for, without what is sought.
+    # Their `current` in amperes; of a load that is held, one of any length.
     phases: tuple[Phase, ...]
+    # `"cold"`, `"hot"`, the winding's temperature [degC], or that of each node; None for starts,
+    # from cold and from hot.
     start: str | float | Mapping[str, float] | None
 
 

@@ -1,7 +1,5 @@
 """Whether a result can be used, in words that a customer understands."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

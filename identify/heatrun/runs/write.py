@@ -4,8 +4,6 @@ The motor file is TOML again, so that a run folder stands for itself. Of `[tests
 keeps the columns and the load in gaps: a run knows the parts of its tests by itself.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial

@@ -34,20 +34,13 @@ Draws = Float[np.ndarray, "draw parameter"]
 
 @dataclass(frozen=True)
 class Source:
-    """A quantity that is not known exactly.
+    """A quantity that is not known exactly."""
 
-    Attributes:
-        name: In words.
-        unit: Its unit.
-        centre: Mean, or median of a log-normal one [unit].
-        sd: Standard deviation [unit], or that of its logarithm [1].
-        law: Of its prior; `"often none"` is log-normal where the effect is there.
-    """
-
-    name: str
-    unit: str
-    centre: float
-    sd: float
+    name: str  # In words.
+    unit: str  # Its unit.
+    centre: float  # Mean, or median of a log-normal one [unit].
+    sd: float  # Standard deviation [unit], or that of its logarithm [1].
+    # Of its prior; `"often none"` is log-normal where the effect is there.
     law: Literal["normal", "log-normal", "often none"] = "normal"
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
@@ -78,21 +71,14 @@ def is_there(z: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True)
 class AbstractModes(ABC):
-    """Prior of the time constants of a winding that cools, and of its amplitudes given these.
+    """Prior of the time constants of a winding that cools, and of its amplitudes given these."""
 
-    Attributes:
-        of_times: What the standard normal numbers behind the time constants stand for.
-        of_amplitudes: The same of those that the amplitudes are linear in.
-        num_winding: Number of modes in which the winding cools to the iron, the first ones.
-        are_positive: Whether no amplitude can be below zero.
-        basis: Where the prior comes from, in words.
-    """
-
+    # What the standard normal numbers behind the time constants stand for.
     of_times: tuple[str, ...]
-    of_amplitudes: tuple[str, ...]
-    num_winding: int
-    are_positive: bool
-    basis: str
+    of_amplitudes: tuple[str, ...]  # The same of those that the amplitudes are linear in.
+    num_winding: int  # Number of modes in which the winding cools to the iron, the first ones.
+    are_positive: bool  # Whether no amplitude can be below zero.
+    basis: str  # Where the prior comes from, in words.
 
     @abstractmethod
     def times(self, z: Draws) -> np.ndarray:
@@ -122,17 +108,10 @@ class UsualModes(AbstractModes):
     Slot part and end winding cool to the iron in some minutes and part from each other in less;
     rotor and teeth come to the temperature of the housing within an hour, and the housing to that
     of the air within hours. Medians and factors (k = 1) span stators from some 100 W to some MW.
-
-    Attributes:
-        rise_K: Of the first reading, which the amplitudes are measured by [K].
-        of_times: As `AbstractModes`.
-        of_amplitudes: As `AbstractModes`.
-        num_winding: As `AbstractModes`.
-        are_positive: As `AbstractModes`.
-        basis: As `AbstractModes`.
     """
 
-    rise_K: float
+    rise_K: float  # Of the first reading, which the amplitudes are measured by [K].
+    # As `AbstractModes`.
     of_times: tuple[str, ...] = (
         "time constant of the winding",
         "time constant within the winding",
@@ -142,15 +121,16 @@ class UsualModes(AbstractModes):
         "whether the winding has a drop within",
         "whether rotor and teeth have a drop",
     )
+    # As `AbstractModes`.
     of_amplitudes: tuple[str, ...] = (
         "drop within the winding",
         "drop from winding to iron",
         "drop from rotor and teeth to housing",
         "rise of the housing",
     )
-    num_winding: int = 2
-    are_positive: bool = True
-    basis: str = "wound machines in general"
+    num_winding: int = 2  # As `AbstractModes`.
+    are_positive: bool = True  # As `AbstractModes`.
+    basis: str = "wound machines in general"  # As `AbstractModes`.
 
     def times(self, z: Draws) -> np.ndarray:
         """Return the time constants, as `AbstractModes`."""
@@ -178,26 +158,17 @@ class UsualModes(AbstractModes):
 
 @dataclass(frozen=True)
 class Cooling:
-    """Readings after switch-off, and all that they depend on.
+    """Readings after switch-off, and all that they depend on."""
 
-    Attributes:
-        time_s: Since the stated moment of switch-off [s], shape (time,).
-        reading_degC: Readings as temperatures, by the stated cold resistance, shape (time,).
-        sink_degC: What the machine cools to.
-        motor: Material, cold resistance, leads.
-        reference_ohm: Cold resistance of the measured circuit with its leads [ohm]; None where a
-            sensor was read.
-        modes: Prior of time constants and amplitudes.
-        scatter: Of the readings over that of a single one [1], shape (time,).
-    """
-
-    time_s: np.ndarray
+    time_s: np.ndarray  # Since the stated moment of switch-off [s], shape (time,).
+    # Readings as temperatures, by the stated cold resistance, shape (time,).
     reading_degC: np.ndarray
-    sink_degC: float
-    motor: Motor
+    sink_degC: float  # What the machine cools to.
+    motor: Motor  # Material, cold resistance, leads.
+    # Cold resistance of the measured circuit with its leads [ohm]; None where a sensor was read.
     reference_ohm: float | None
-    modes: AbstractModes
-    scatter: np.ndarray
+    modes: AbstractModes  # Prior of time constants and amplitudes.
+    scatter: np.ndarray  # Of the readings over that of a single one [1], shape (time,).
 
     @property
     def said(self) -> ShutDown:

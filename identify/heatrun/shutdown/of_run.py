@@ -46,19 +46,13 @@ SLOW_SHARE = 0.4
 
 @dataclass(frozen=True, kw_only=True)
 class RunModes(AbstractModes):
-    """Modes of a run's network, and one within the winding.
+    """Modes of a run's network, and one within the winding."""
 
-    Attributes:
-        rise_K: Of the first reading [K].
-        log_times: Mean of the logarithms of the time constants, shape (mode,).
-        factor: Their factor by standard normal numbers, shape (mode, mode).
-        shapes: Share of each mode in the rise by copper loss and by other losses, shape
-            (1 + mode, 2, mode): at the mean, and by standard normal number.
-    """
-
-    rise_K: float
-    log_times: np.ndarray
-    factor: np.ndarray
+    rise_K: float  # Of the first reading [K].
+    log_times: np.ndarray  # Mean of the logarithms of the time constants, shape (mode,).
+    factor: np.ndarray  # Their factor by standard normal numbers, shape (mode, mode).
+    # Share of each mode in the rise by copper loss and by other losses, shape (1 + mode, 2, mode):
+    # at the mean, and by standard normal number.
     shapes: np.ndarray
     are_positive: bool = False
 

@@ -1,7 +1,5 @@
 """Readings after switch-off: times counted from it, ohms or degrees, and what is wrong there."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -57,31 +55,19 @@ CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:\.\d+)?))?")
 
 @dataclass(frozen=True)
 class Readings:
-    """Readings after switch-off.
+    """Readings after switch-off."""
 
-    Attributes:
-        name: Of the file.
-        time_s: Since the stated moment of switch-off [s], shape (time,), ascending.
-        degC: Temperatures, by the cold resistance that is stated, shape (time,).
-        sink_degC: Mean temperature of the sink over the readings.
-        ohm: What was measured [ohm], shape (time,); None for a sensor.
-        reference_ohm: Cold resistance of the same circuit, leads included [ohm]; None for a sensor.
-        notes: How it was read.
-        sha256: Digest of the file.
-        left_out: Readings off the course of the others, in words.
-        findings: Doubts about how it was read.
-    """
-
-    name: str
-    time_s: np.ndarray
-    degC: np.ndarray
-    sink_degC: float
-    ohm: np.ndarray | None
+    name: str  # Of the file.
+    time_s: np.ndarray  # Since the stated moment of switch-off [s], shape (time,), ascending.
+    degC: np.ndarray  # Temperatures, by the cold resistance that is stated, shape (time,).
+    sink_degC: float  # Mean temperature of the sink over the readings.
+    ohm: np.ndarray | None  # What was measured [ohm], shape (time,); None for a sensor.
+    # Cold resistance of the same circuit, leads included [ohm]; None for a sensor.
     reference_ohm: float | None
-    notes: tuple[str, ...]
-    sha256: str
-    left_out: tuple[str, ...] = ()
-    findings: tuple[Finding, ...] = ()
+    notes: tuple[str, ...]  # How it was read.
+    sha256: str  # Digest of the file.
+    left_out: tuple[str, ...] = ()  # Readings off the course of the others, in words.
+    findings: tuple[Finding, ...] = ()  # Doubts about how it was read.
 
 
 OUTLIER, LEAST_OFF_K, MOST_OUT = 8.0, 0.5, 0.2

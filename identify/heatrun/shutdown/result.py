@@ -45,91 +45,50 @@ STEP = 0.05
 
 @dataclass(frozen=True)
 class Limit:
-    """What an insulation class permits, and what is left to it.
+    """What an insulation class permits, and what is left to it."""
 
-    Attributes:
-        name: In words.
-        value: Permitted temperature [degC] or rise [K].
-        unit: degC or K.
-        margin_K: What is left, median [K].
-        margin_95_K: 95 % interval.
-        probability: That the machine is within it [1].
-    """
-
-    name: str
-    value: float
-    unit: str
-    margin_K: float
-    margin_95_K: tuple[float, float]
-    probability: float
+    name: str  # In words.
+    value: float  # Permitted temperature [degC] or rise [K].
+    unit: str  # degC or K.
+    margin_K: float  # What is left, median [K].
+    margin_95_K: tuple[float, float]  # 95 % interval.
+    probability: float  # That the machine is within it [1].
 
 
 @dataclass(frozen=True)
 class ShutdownResult:
-    """The winding at the instant of switch-off.
+    """The winding at the instant of switch-off."""
 
-    Attributes:
-        motor: Name of the machine.
-        readings: Name of the readings.
-        quantity: `"resistance"` or `"sensor"`.
-        is_determinable: Whether the extrapolation is within `within_K`.
-        reason: Why not, and what would have helped; empty if it is.
-        winding_degC: Median.
-        winding_95_degC: 95 % interval.
-        standard_uncertainty_K: Of the draws (JCGM 101).
-        gum_uncertainty_K: Of first order, the root of the sum of the budget (GUM).
-        sink_degC: What the machine cools to.
-        rise_K: Over the sink, median.
-        rise_95_K: 95 % interval.
-        extrapolation_95_K: Half-width of the 95 % interval that the extrapolation alone has.
-        within_K: What it may have.
-        first_reading_s: Time of the first reading.
-        latest_first_reading_s: When it should have come at the latest; None where even the instant
-            itself would not do.
-        limits: What the classes permit.
-        by_hand: What the methods by hand give.
-        budget: Sources, the largest first.
-        prior: Where the prior of the time constants comes from.
-        scatter_K: Of a reading, median.
-        time_s: Times of a curve for the figure.
-        curve_degC: Its 2.5, 50 and 97.5 % quantiles, shape (3, time).
-        reading_time_s: Times of the readings that were used.
-        reading_degC: As temperatures.
-        notes: How the readings were read.
-        sha256: Digest of the readings.
-        left_out: Readings off the course of the others, in words.
-        findings: Doubts about how the file was read.
-    """
-
-    motor: str
-    readings: str
-    quantity: str
-    is_determinable: bool
-    reason: str
-    winding_degC: float
-    winding_95_degC: tuple[float, float]
-    standard_uncertainty_K: float
-    gum_uncertainty_K: float
-    sink_degC: float
-    rise_K: float
-    rise_95_K: tuple[float, float]
-    extrapolation_95_K: float
-    within_K: float
-    first_reading_s: float
+    motor: str  # Name of the machine.
+    readings: str  # Name of the readings.
+    quantity: str  # `"resistance"` or `"sensor"`.
+    is_determinable: bool  # Whether the extrapolation is within `within_K`.
+    reason: str  # Why not, and what would have helped; empty if it is.
+    winding_degC: float  # Median.
+    winding_95_degC: tuple[float, float]  # 95 % interval.
+    standard_uncertainty_K: float  # Of the draws (JCGM 101).
+    gum_uncertainty_K: float  # Of first order, the root of the sum of the budget (GUM).
+    sink_degC: float  # What the machine cools to.
+    rise_K: float  # Over the sink, median.
+    rise_95_K: tuple[float, float]  # 95 % interval.
+    extrapolation_95_K: float  # Half-width of the 95 % interval that the extrapolation alone has.
+    within_K: float  # What it may have.
+    first_reading_s: float  # Time of the first reading.
+    # When it should have come at the latest; None where even the instant itself would not do.
     latest_first_reading_s: float | None
-    limits: tuple[Limit, ...]
-    by_hand: tuple[ByHand, ...]
-    budget: tuple[BudgetRow, ...]
-    prior: str
-    scatter_K: float
-    time_s: np.ndarray
-    curve_degC: np.ndarray
-    reading_time_s: np.ndarray
-    reading_degC: np.ndarray
-    notes: tuple[str, ...]
-    sha256: str
-    left_out: tuple[str, ...]
-    findings: tuple[Finding, ...]
+    limits: tuple[Limit, ...]  # What the classes permit.
+    by_hand: tuple[ByHand, ...]  # What the methods by hand give.
+    budget: tuple[BudgetRow, ...]  # Sources, the largest first.
+    prior: str  # Where the prior of the time constants comes from.
+    scatter_K: float  # Of a reading, median.
+    time_s: np.ndarray  # Times of a curve for the figure.
+    curve_degC: np.ndarray  # Its 2.5, 50 and 97.5 % quantiles, shape (3, time).
+    reading_time_s: np.ndarray  # Times of the readings that were used.
+    reading_degC: np.ndarray  # As temperatures.
+    notes: tuple[str, ...]  # How the readings were read.
+    sha256: str  # Digest of the readings.
+    left_out: tuple[str, ...]  # Readings off the course of the others, in words.
+    findings: tuple[Finding, ...]  # Doubts about how the file was read.
 
 
 def winding_at_shutdown(
@@ -358,19 +317,12 @@ all of it would pass below the first reading."""
 
 @dataclass(frozen=True)
 class ByHand:
-    """One method by hand.
+    """One method by hand."""
 
-    Attributes:
-        method: Its name.
-        source: Where it comes from.
-        degC: What it gives for the winding at `time_s`; NaN where it cannot be applied.
-        time_s: Instant that is extrapolated to [s].
-    """
-
-    method: str
-    source: str
-    degC: float
-    time_s: float = 0.0
+    method: str  # Its name.
+    source: str  # Where it comes from.
+    degC: float  # What it gives for the winding at `time_s`; NaN where it cannot be applied.
+    time_s: float = 0.0  # Instant that is extrapolated to [s].
 
 
 def allowed_delay_s(rated_output_kW: float | None) -> float | None:

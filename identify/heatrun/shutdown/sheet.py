@@ -1,7 +1,5 @@
 """The winding at switch-off on paper, as a workbook, and as a Digital Calibration Certificate."""
 
-from __future__ import annotations
-
 import io
 import tempfile
 from collections.abc import Sequence

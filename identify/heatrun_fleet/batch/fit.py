@@ -63,19 +63,13 @@ class NotBatched(NamedTuple):
 
 
 class Key(NamedTuple):
-    """What is compiled.
+    """What is compiled."""
 
-    Attributes:
-        structure: The model and what stands in which slot.
-        groups: Padded number of blocks, steps per block, and the tests of that shape.
-        channels: Those of `CHANNELS` that enter.
-        fixed: Names of the fixed values.
-    """
-
-    structure: Structure
+    structure: Structure  # The model and what stands in which slot.
+    # Padded number of blocks, steps per block, and the tests of that shape.
     groups: tuple[tuple[int, int, tuple[int, ...]], ...]
-    channels: tuple[str, ...]
-    fixed: tuple[str, ...]
+    channels: tuple[str, ...]  # Those of `CHANNELS` that enter.
+    fixed: tuple[str, ...]  # Names of the fixed values.
 
 
 def why_not(problem: Problem) -> str:

@@ -38,28 +38,20 @@ class Group(eqx.Module):
 
     Inputs are as `lptn.Inputs`, None where the network has no use for one; readings as `Blocks` and
     `Observation` have them.
-
-    Attributes:
-        tests: Indices of the tests; the lanes of the first come first.
-        step: Length of a step [s]; that of a block is `block_s` [s].
-        weight: As `Blocks.weight`; 0 in padding.
-        sensed_ambient: Mean of the sink at the samples of each block [degC].
-        num_blocks: Blocks without the padding [1].
-        num_knots: Knots of the unmodelled heat [1].
-        mean_losses: Mean of the loss channel [W]; that of the squared current stands below [A^2].
-        fixed: Fixed values by name.
     """
 
+    # Indices of the tests; the lanes of the first come first.
     tests: tuple[int, ...] = eqx.field(static=True)
-    step: Lane
+    step: Lane  # Length of a step [s]; that of a block is `block_s` [s].
     current_squared: Float[Array, "block step lane"]
     losses: Float[Array, "block step lane"]
     ambient: Float[Array, "block step lane"]
     second_sink: Float[Array, "block step lane"] | None
     shaft_power: Float[Array, "block step lane"] | None
     speed: Float[Array, "block step lane"] | None
-    weight: Float[Array, "block step lane"]
+    weight: Float[Array, "block step lane"]  # As `Blocks.weight`; 0 in padding.
     position: Float[Array, "block step lane"]
+    # Mean of the sink at the samples of each block [degC].
     sensed_ambient: Float[Array, "block lane"]
     measured: Float[Array, "block lane"]
     is_observed: Bool[Array, "block lane"]
@@ -67,11 +59,12 @@ class Group(eqx.Module):
     known_variance: Float[Array, "block lane"]
     moments: Float[Array, "block moment lane"]
     block_s: Lane
-    num_blocks: Lane
-    num_knots: Lane
+    num_blocks: Lane  # Blocks without the padding [1].
+    num_knots: Lane  # Knots of the unmodelled heat [1].
+    # Mean of the loss channel [W]; that of the squared current stands below [A^2].
     mean_losses: Lane
     mean_current_squared: Lane
-    fixed: dict[str, Lane]
+    fixed: dict[str, Lane]  # Fixed values by name.
 
     def by_lane(self, values: Float[Array, "*axes machine"]) -> Float[Array, "*axes lane"]:
         """Return values of the machines for the lanes of their tests."""
@@ -179,21 +172,15 @@ def _tangents(
 
 
 class Moving(NamedTuple):
-    """A march that is ready to be made: of temperatures and their derivatives by quantity.
+    """A march that is ready to be made: of temperatures and their derivatives by quantity."""
 
-    Attributes:
-        names: The quantities.
-        first: The state at the start.
-        advance: Returns the state a step later, for a state and the inputs of the step.
-        inputs: Of all steps.
-        read: Returns the measured node's temperature above the copper's zero of resistance [K], and
-            its derivative by each quantity.
-    """
-
-    names: tuple[str, ...]
-    first: Any
+    names: tuple[str, ...]  # The quantities.
+    first: Any  # The state at the start.
+    # Returns the state a step later, for a state and the inputs of the step.
     advance: Callable[[Any, Any], Any]
-    inputs: Any
+    inputs: Any  # Of all steps.
+    # Returns the measured node's temperature above the copper's zero of resistance [K], and its
+    # derivative by each quantity.
     read: Callable[[Any], list[Lane]]
 
 

@@ -52,21 +52,14 @@ class Linear(NamedTuple):
 
 
 class Restricted(NamedTuple):
-    """The restricted likelihood of a noise.
+    """The restricted likelihood of a noise."""
 
-    Attributes:
-        value: Minus its logarithm, prior included, up to a constant [nat].
-        slope: Its derivative by the scores of the noise.
-        squares: Squared whitened residuals, heat integrated out [1].
-        half_log_det: Half the log determinant of the covariance of noise and heat.
-        covariance: Of the parameters.
-    """
-
-    value: Float[Array, " lane"]
-    slope: Float[Array, "noise lane"]
-    squares: Float[Array, " lane"]
+    value: Float[Array, " lane"]  # Minus its logarithm, prior included, up to a constant [nat].
+    slope: Float[Array, "noise lane"]  # Its derivative by the scores of the noise.
+    squares: Float[Array, " lane"]  # Squared whitened residuals, heat integrated out [1].
+    # Half the log determinant of the covariance of noise and heat.
     half_log_det: Float[Array, " lane"]
-    covariance: Float[Array, "parameter parameter lane"]
+    covariance: Float[Array, "parameter parameter lane"]  # Of the parameters.
 
 
 def restricted(

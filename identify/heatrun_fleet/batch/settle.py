@@ -43,24 +43,15 @@ TOGETHER = 0.03
 
 
 class Settled(NamedTuple):
-    """Where the turns have ended.
+    """Where the turns have ended."""
 
-    Attributes:
-        z: Scores; those of the noise stand in `noise_z`.
-        heat: What unmodelled heat does to each group of tests.
-        cost: Half the sum of squares at the end [nat].
-        shift: Change of the scores in the last turn.
-        has_ended: Whether all searches of the machine have converged.
-        has_rival: Whether another noise is as probable.
-    """
-
-    z: Float[Array, "parameter machine"]
+    z: Float[Array, "parameter machine"]  # Scores; those of the noise stand in `noise_z`.
     noise_z: Float[Array, "noise machine"]
-    heat: Heat
-    cost: Float[Array, " machine"]
-    shift: Float[Array, " machine"]
-    has_ended: Bool[Array, " machine"]
-    has_rival: Bool[Array, " machine"]
+    heat: Heat  # What unmodelled heat does to each group of tests.
+    cost: Float[Array, " machine"]  # Half the sum of squares at the end [nat].
+    shift: Float[Array, " machine"]  # Change of the scores in the last turn.
+    has_ended: Bool[Array, " machine"]  # Whether all searches of the machine have converged.
+    has_rival: Bool[Array, " machine"]  # Whether another noise is as probable.
 
 
 def settle(

@@ -32,19 +32,15 @@ class Evidence:
 
     The likelihood of a machine is, up to a constant, exp(h' x - x' L x / 2). A direction of which
     its tests say nothing has no precision in L, so that short tests need no special case.
-
-    Attributes:
-        names: Of the parameters.
-        information: h, shape (machine, parameter).
-        precision: L, shape (machine, parameter, parameter).
-        clipped: How far a posterior was wider than its prior in some direction, over the prior's
-            precision, shape (machine,) [1]: more than a trifle says that posterior or prior are not
-            Gaussian there, and the second stage is not to be trusted for the machine.
     """
 
-    names: tuple[str, ...]
-    information: Float[np.ndarray, "machine parameter"]
+    names: tuple[str, ...]  # Of the parameters.
+    information: Float[np.ndarray, "machine parameter"]  # h, shape (machine, parameter).
+    # L, shape (machine, parameter, parameter).
     precision: Float[np.ndarray, "machine parameter parameter"]
+    # How far a posterior was wider than its prior in some direction, over the prior's precision,
+    # shape (machine,) [1]: more than a trifle says that posterior or prior are not Gaussian there,
+    # and the second stage is not to be trusted for the machine.
     clipped: Float[np.ndarray, " machine"]
 
     @classmethod
@@ -110,27 +106,18 @@ Kind = Literal["number", "date", "category"]
 
 @dataclass(frozen=True)
 class Covariate:
-    """A column of the design.
+    """A column of the design."""
 
-    Attributes:
-        label: Its name in results: the column's, with the category behind it.
-        column: Name of the column.
-        kind: What its texts are.
-        values: One for each machine, not centred: the number, years, or 1 in the category.
-        unit: What one unit of `values` is: `"1"`, `"year"` or the category.
-        reference: The category that it is held against, which most machines have; else empty.
-        low: Smallest text: the number or the date; empty for a category.
-        high: Largest text, likewise.
-    """
-
-    label: str
-    column: str
-    kind: Kind
+    label: str  # Its name in results: the column's, with the category behind it.
+    column: str  # Name of the column.
+    kind: Kind  # What its texts are.
+    # One for each machine, not centred: the number, years, or 1 in the category.
     values: Float[np.ndarray, " machine"]
-    unit: str
+    unit: str  # What one unit of `values` is: `"1"`, `"year"` or the category.
+    # The category that it is held against, which most machines have; else empty.
     reference: str = ""
-    low: str = ""
-    high: str = ""
+    low: str = ""  # Smallest text: the number or the date; empty for a category.
+    high: str = ""  # Largest text, likewise.
 
     @property
     def span(self) -> float:
@@ -216,39 +203,26 @@ class Gathered:
 
     Posteriors and priors are normal in the space of the transforms: the logarithm of the value in
     its unit for `"log"`, the value for `"linear"`.
-
-    Attributes:
-        machines: Their names.
-        names: Of the parameters.
-        units: Of the parameters.
-        transforms: `"log"` or `"linear"` for each parameter.
-        mean: Of the posteriors.
-        covariance: Of the posteriors.
-        prior_mean: Of the priors.
-        prior_sd: Of the priors, which are independent.
-        columns: Covariates by name, a text for each machine, empty where there is none.
-        left_out: The others.
-        source: What they were taken from, for the record.
-        noise: Noise and unmodelled heat of machines of the same type, likewise; None where nothing
-            is known of them.
-        covariates: Those that were chosen, as columns of the design.
-        notes: What must be known of it, in sentences.
     """
 
-    machines: tuple[str, ...]
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    transforms: tuple[str, ...]
-    mean: Float[np.ndarray, "machine parameter"]
-    covariance: Float[np.ndarray, "machine parameter parameter"]
-    prior_mean: Float[np.ndarray, "machine parameter"]
-    prior_sd: Float[np.ndarray, "machine parameter"]
+    machines: tuple[str, ...]  # Their names.
+    names: tuple[str, ...]  # Of the parameters.
+    units: tuple[str, ...]  # Of the parameters.
+    transforms: tuple[str, ...]  # `"log"` or `"linear"` for each parameter.
+    mean: Float[np.ndarray, "machine parameter"]  # Of the posteriors.
+    covariance: Float[np.ndarray, "machine parameter parameter"]  # Of the posteriors.
+    prior_mean: Float[np.ndarray, "machine parameter"]  # Of the priors.
+    prior_sd: Float[np.ndarray, "machine parameter"]  # Of the priors, which are independent.
+    # Covariates by name, a text for each machine, empty where there is none.
     columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    left_out: tuple[MachineLeftOut, ...] = ()
+    left_out: tuple[MachineLeftOut, ...] = ()  # The others.
+    # What they were taken from, for the record.
     source: Mapping[str, str] = field(default_factory=dict)
+    # Noise and unmodelled heat of machines of the same type, likewise; None where nothing is known
+    # of them.
     noise: Gathered | None = None
-    covariates: tuple[Covariate, ...] = ()
-    notes: tuple[str, ...] = ()
+    covariates: tuple[Covariate, ...] = ()  # Those that were chosen, as columns of the design.
+    notes: tuple[str, ...] = ()  # What must be known of it, in sentences.
 
     def evidence(self) -> Evidence:
         """Return what the tests of each machine say, the priors divided out."""

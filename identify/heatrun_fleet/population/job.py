@@ -3,8 +3,6 @@
 Its folder holds what data sheets, queries and the next machine need.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -40,13 +38,9 @@ Covariates = Mapping[str, Sequence[Any]] | Sequence[str]
 
 @dataclass(frozen=True)
 class TypeOfMachine:
-    """What is known of a type of machine.
+    """What is known of a type of machine."""
 
-    Attributes:
-        result: What stands in `population.json`.
-    """
-
-    result: PopulationResult
+    result: PopulationResult  # What stands in `population.json`.
 
     @property
     def content(self) -> dict[str, Any]:

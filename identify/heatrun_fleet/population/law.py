@@ -67,39 +67,28 @@ Reference: D. Lewandowski, D. Kurowicka, H. Joe, Generating random correlation m
 
 
 class Hyperprior(eqx.Module):
-    """What is assumed of a population before its machines are seen.
+    """What is assumed of a population before its machines are seen."""
 
-    Attributes:
-        mean: Centre of the normal prior of the population's mean, shape (parameter,).
-        mean_sd: Its standard deviation, shape (parameter,).
-        effect_sd: Standard deviation of the coefficients of the covariates, shape (parameter,).
-        spread: Scale of the half-Cauchy prior of the standard deviation over machines, shape
-            (parameter,); half of it lies below, and its tail excludes no spread.
-        has_outliers: Whether some machines may be something else.
-    """
-
+    # Centre of the normal prior of the population's mean, shape (parameter,).
     mean: Float[np.ndarray, " parameter"]
-    mean_sd: Float[np.ndarray, " parameter"]
+    mean_sd: Float[np.ndarray, " parameter"]  # Its standard deviation, shape (parameter,).
+    # Standard deviation of the coefficients of the covariates, shape (parameter,).
     effect_sd: Float[np.ndarray, " parameter"]
+    # Scale of the half-Cauchy prior of the standard deviation over machines, shape (parameter,);
+    # half of it lies below, and its tail excludes no spread.
     spread: Float[np.ndarray, " parameter"]
+    # Whether some machines may be something else.
     has_outliers: bool = eqx.field(static=True, default=True)
 
 
 class Law(NamedTuple):
-    """A population, or many draws of it along leading axes.
+    """A population, or many draws of it along leading axes."""
 
-    Attributes:
-        mean: Shape (..., parameter).
-        effects: Coefficients of the covariates, shape (..., covariate, parameter).
-        factor: Lower Cholesky factor of the covariance over machines, shape (..., parameter,
-            parameter).
-        outlier_share: Shape (...).
-    """
-
-    mean: Array
-    effects: Array
+    mean: Array  # Shape (..., parameter).
+    effects: Array  # Coefficients of the covariates, shape (..., covariate, parameter).
+    # Lower Cholesky factor of the covariance over machines, shape (..., parameter, parameter).
     factor: Array
-    outlier_share: Array
+    outlier_share: Array  # Shape (...).
 
     @property
     def sd(self) -> Array:

@@ -1,7 +1,5 @@
 """The machines of a type, from the rows that `heatrun fleet` wrote or from runs of calibrations."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -32,19 +30,12 @@ LONGEST_REASON = 300
 
 @dataclass(frozen=True)
 class FleetRows:
-    """The rows of a fleet.
+    """The rows of a fleet."""
 
-    Attributes:
-        path: The file.
-        name: Of the fleet; empty if it is not known.
-        rows: Without what they say of effects.
-        sha256: Of the file.
-    """
-
-    path: Path
-    name: str
-    rows: tuple[Row, ...]
-    sha256: str
+    path: Path  # The file.
+    name: str  # Of the fleet; empty if it is not known.
+    rows: tuple[Row, ...]  # Without what they say of effects.
+    sha256: str  # Of the file.
 
     @property
     def types(self) -> dict[str, int]:

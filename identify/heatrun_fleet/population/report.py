@@ -1,7 +1,5 @@
 """A population in numbers that users read: the type, its machines, and which do not fit."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

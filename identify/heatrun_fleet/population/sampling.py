@@ -55,25 +55,16 @@ TIMES = 50.0
 
 @dataclass(frozen=True)
 class Population:
-    """Draws of the law of a population.
+    """Draws of the law of a population."""
 
-    Attributes:
-        evidence: Of its machines.
-        design: Covariates, each less its mean over the machines, shape (machine, covariate).
-        hyper: What was assumed.
-        laws: Equally probable draws, along the first axis of each array.
-        method: How they were drawn.
-        pareto_k: Of the importance weights [1].
-        is_converged: Whether the draws are to be relied on.
-    """
-
-    evidence: Evidence
+    evidence: Evidence  # Of its machines.
+    # Covariates, each less its mean over the machines, shape (machine, covariate).
     design: Float[np.ndarray, "machine covariate"]
-    hyper: Hyperprior
-    laws: Law
-    method: Literal["importance", "emcee"]
-    pareto_k: float
-    is_converged: bool
+    hyper: Hyperprior  # What was assumed.
+    laws: Law  # Equally probable draws, along the first axis of each array.
+    method: Literal["importance", "emcee"]  # How they were drawn.
+    pareto_k: float  # Of the importance weights [1].
+    is_converged: bool  # Whether the draws are to be relied on.
 
 
 def sample_population(
@@ -252,18 +243,15 @@ NUM_LAWS = 400
 
 @dataclass(frozen=True)
 class Machines:
-    """The machines of a population, given all of them.
+    """The machines of a population, given all of them."""
 
-    Attributes:
-        mean: Of each machine's parameters; `covariance` likewise.
-        outlier: Probability that the machine is none of the population [1].
-        distance: How far its parameters are from what is expected of it, in standard deviations
-            over machines, with what is left open added to them [1].
-    """
-
+    # Of each machine's parameters; `covariance` likewise.
     mean: Float[np.ndarray, "machine parameter"]
     covariance: Float[np.ndarray, "machine parameter parameter"]
+    # Probability that the machine is none of the population [1].
     outlier: Float[np.ndarray, " machine"]
+    # How far its parameters are from what is expected of it, in standard deviations over machines,
+    # with what is left open added to them [1].
     distance: Float[np.ndarray, "machine parameter"]
 
 

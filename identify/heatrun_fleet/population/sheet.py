@@ -1,7 +1,5 @@
 """The type sheet: the words of `population.json`, the figure of the machines, and the PDF."""
 
-from __future__ import annotations
-
 import math
 import tempfile
 from collections.abc import Mapping, Sequence

@@ -6,8 +6,6 @@ reason and empty lists. So do the columns of the noise, which is a population of
 empty where a machine's noise does not count.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

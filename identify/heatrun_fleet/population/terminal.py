@@ -1,10 +1,8 @@
 """The population of a type as text for the terminal: what `heatrun population` prints."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
-from heatrun.io.quantities import clean, printed_unit, rounded
+from heatrun.io.quantities import aligned, clean, printed_unit, rounded
 from heatrun.reports.printed import signed
 from heatrun.results.discovery import ValueWithInterval
 
@@ -68,11 +66,7 @@ def _outliers(
 
 def _table(parameters: Mapping[str, PopulationParameter]) -> list[str]:
     heads = ("", "median (95 %)", "spread (95 %)", "95 % of the machines (at 95 %)")
-    rows = [heads, *(_row(name, said) for name, said in parameters.items())]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [
-        f"  {'  '.join(map(str.ljust, row, widths))}".rstrip() for row in rows
-    ]  # fmt: skip
+    return aligned([heads, *(_row(name, said) for name, said in parameters.items())], "  ")
 
 
 def _row(name: str, said: PopulationParameter) -> tuple[str, str, str, str]:

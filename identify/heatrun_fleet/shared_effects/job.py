@@ -1,7 +1,5 @@
 """From the rows of a fleet to the effects that its machines share: `fleet_discovery.json`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from heatrun.errors import InputError

@@ -43,24 +43,18 @@ SETTINGS = (0.0, -1.0, 1.0)
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the tests of a machine say of shared parameters and of effects.
+    """What the tests of a machine say of shared parameters and of effects."""
 
-    Attributes:
-        parameters: Names of the free parameters; tests stand by number in brackets.
-        effects: Amplitudes, each with the setting of its shape behind a bar.
-        scale: Of each effect, its amplitude at a score of one in a machine of this size.
-        score: Derivative of the log likelihood by the parameters' shared scores, then by the
-            effects' scores, where all are zero, shape (all,).
-        information: Its precision, shape (all, all).
-        visible_K: Root mean square that each effect leaves beyond what a refit takes up, at a score
-            of one [K], shape (effect,).
-    """
-
-    parameters: tuple[str, ...]
-    effects: tuple[str, ...]
+    parameters: tuple[str, ...]  # Names of the free parameters; tests stand by number in brackets.
+    effects: tuple[str, ...]  # Amplitudes, each with the setting of its shape behind a bar.
+    # Of each effect, its amplitude at a score of one in a machine of this size.
     scale: Float[np.ndarray, " effect"]
+    # Derivative of the log likelihood by the parameters' shared scores, then by the effects'
+    # scores, where all are zero, shape (all,).
     score: Float[np.ndarray, " all"]
-    information: Float[np.ndarray, "all all"]
+    information: Float[np.ndarray, "all all"]  # Its precision, shape (all, all).
+    # Root mean square that each effect leaves beyond what a refit takes up, at a score of one [K],
+    # shape (effect,).
     visible_K: Float[np.ndarray, " effect"]
 
 
@@ -167,19 +161,12 @@ BEYOND = 1.5
 
 @dataclass(frozen=True)
 class Column:
-    """An amplitude at a setting of its shape.
+    """An amplitude at a setting of its shape."""
 
-    Attributes:
-        label: As in `Evidence.effects`.
-        kind: The effect.
-        quantity: The amplitude's range and unit in a machine of this size.
-        scale: Amplitude at a score of one [its unit].
-    """
-
-    label: str
-    kind: type[AbstractEffect]
-    quantity: Quantity
-    scale: float
+    label: str  # As in `Evidence.effects`.
+    kind: type[AbstractEffect]  # The effect.
+    quantity: Quantity  # The amplitude's range and unit in a machine of this size.
+    scale: float  # Amplitude at a score of one [its unit].
 
     @classmethod
     def of(cls, label: str, scale: float, catalogue: Mapping[str, type[AbstractEffect]]) -> Column:
@@ -216,20 +203,14 @@ class Column:
 
 @dataclass(frozen=True)
 class Pool:
-    """The evidence of machines, in one order of parameters and effects.
+    """The evidence of machines, in one order of parameters and effects."""
 
-    Attributes:
-        parameters: Shared parameters; the effects stand behind them.
-        columns: The effects, each with the setting of its shape.
-        score: As `Evidence`, shape (machine, all); zero for what a machine does not have.
-        information: Likewise, shape (machine, all, all).
-        visible_K: Shape (machine, effect); not a number where a machine could not show it.
-    """
-
-    parameters: tuple[str, ...]
-    columns: tuple[Column, ...]
+    parameters: tuple[str, ...]  # Shared parameters; the effects stand behind them.
+    columns: tuple[Column, ...]  # The effects, each with the setting of its shape.
+    # As `Evidence`, shape (machine, all); zero for what a machine does not have.
     score: Float[np.ndarray, "machine all"]
-    information: Float[np.ndarray, "machine all all"]
+    information: Float[np.ndarray, "machine all all"]  # Likewise, shape (machine, all, all).
+    # Shape (machine, effect); not a number where a machine could not show it.
     visible_K: Float[np.ndarray, "machine effect"]
 
     def given(
@@ -309,23 +290,16 @@ def shape_of(label: str) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Tested:
-    """The test of each effect, given shared parameters and effects that are in the model already.
+    """The test of each effect, given shared parameters and effects that are in already."""
 
-    Attributes:
-        pool: The machines.
-        statistic: Score over its standard deviation, shape (effect,).
-        shares: What each machine adds to the score, cut off, shape (machine, effect).
-        pull: What known shared errors may do: rows of D^(1/2) A, shape (given, effect).
-        scale: Standard deviation of the score, shape (effect,).
-        shared: Estimate of what is given, its scores, shape (given,).
-    """
-
-    pool: Pool
-    statistic: Float[np.ndarray, " effect"]
+    pool: Pool  # The machines.
+    statistic: Float[np.ndarray, " effect"]  # Score over its standard deviation, shape (effect,).
+    # What each machine adds to the score, cut off, shape (machine, effect).
     shares: Float[np.ndarray, "machine effect"]
+    # What known shared errors may do: rows of D^(1/2) A, shape (given, effect).
     pull: Float[np.ndarray, "given effect"]
-    scale: Float[np.ndarray, " effect"]
-    shared: Float[np.ndarray, " given"]
+    scale: Float[np.ndarray, " effect"]  # Standard deviation of the score, shape (effect,).
+    shared: Float[np.ndarray, " given"]  # Estimate of what is given, its scores, shape (given,).
 
     @property
     def strength(self) -> Float[np.ndarray, " effect"]:

@@ -134,22 +134,14 @@ def _verdict(
 
 @dataclass(frozen=True)
 class Round:
-    """The tests of all effects with some in the model.
+    """The tests of all effects with some in the model."""
 
-    Attributes:
-        pool: The machines.
-        accepted: Effects in the model, by their places.
-        test: Of each effect.
-        chance: Largest statistics by chance.
-        critical: That of them which is exceeded with the probability of the level.
-        information: Precision of each effect's score over all machines, by what the fits state.
-    """
-
-    pool: Pool
-    accepted: tuple[int, ...]
-    test: Tested
-    chance: np.ndarray
-    critical: float
+    pool: Pool  # The machines.
+    accepted: tuple[int, ...]  # Effects in the model, by their places.
+    test: Tested  # Of each effect.
+    chance: np.ndarray  # Largest statistics by chance.
+    critical: float  # That of them which is exceeded with the probability of the level.
+    # Precision of each effect's score over all machines, by what the fits state.
     information: Float[np.ndarray, " effect"]
 
     @classmethod

@@ -115,21 +115,13 @@ def measured(record: Record, *values: Float[np.ndarray, " time"]) -> tuple[np.nd
 
 @dataclass(frozen=True)
 class Integral:
-    """An integral over time, its parts above and below zero apart.
+    """An integral over time, its parts above and below zero apart."""
 
-    Attributes:
-        positive: Integral of the part above zero [unit of the values times s].
-        negative: Integral of the part below zero, not above 0 [the same].
-        covered_s: Time that was integrated over [s].
-        left_out_s: Time in gaps, which was not [s].
-        num_gaps: Number of gaps.
-    """
-
-    positive: float
-    negative: float
-    covered_s: float
-    left_out_s: float
-    num_gaps: int
+    positive: float  # Integral of the part above zero [unit of the values times s].
+    negative: float  # Integral of the part below zero, not above 0 [the same].
+    covered_s: float  # Time that was integrated over [s].
+    left_out_s: float  # Time in gaps, which was not [s].
+    num_gaps: int  # Number of gaps.
 
     @property
     def net(self) -> float:
@@ -231,19 +223,14 @@ NUM_CELLS = 16
 
 @dataclass(frozen=True)
 class OperatingMap:
-    """Means over cells of the torque-speed plane; NaN where the test never was.
+    """Means over cells of the torque-speed plane; NaN where the test never was."""
 
-    Attributes:
-        speed_rpm: Edges of the cells [rpm], shape (cell + 1,).
-        torque_Nm: Edges of the cells [N m], shape (cell + 1,).
-        power_W: Mean electrical power [W], shape (torque cell, speed cell).
-        efficiency: Output over input energy [1], shape as `power_W`; as a motor mechanical over
-            electrical, as a generator electrical over mechanical, NaN where the signs differ.
-    """
-
-    speed_rpm: Float[np.ndarray, " edge"]
-    torque_Nm: Float[np.ndarray, " edge"]
+    speed_rpm: Float[np.ndarray, " edge"]  # Edges of the cells [rpm], shape (cell + 1,).
+    torque_Nm: Float[np.ndarray, " edge"]  # Edges of the cells [N m], shape (cell + 1,).
+    # Mean electrical power [W], shape (torque cell, speed cell).
     power_W: Float[np.ndarray, "torque speed"]
+    # Output over input energy [1], shape as `power_W`; as a motor mechanical over electrical, as a
+    # generator electrical over mechanical, NaN where the signs differ.
     efficiency: Float[np.ndarray, "torque speed"]
 
 

@@ -1,7 +1,5 @@
 """The General Information table: energy, distance, consumption, recuperation, tolerances."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -65,15 +63,7 @@ INTEGRATION = (
 
 @dataclass(frozen=True)
 class GeneralInformation:
-    r"""The figures of the General Information table, as `FIGURES` says; None where undefined.
-
-    Attributes:
-        undefined: Reason for each figure that is None.
-        formulas: Where power and speed come from.
-        covered_s: Time integrated over [s].
-        findings: What is doubtful.
-        of_vehicle: Whether distance and consumption are asked for.
-    """
+    r"""The figures of the General Information table, as `FIGURES` says; None where undefined."""
 
     energy_kWh: float | None
     energy_without_regeneration_kWh: float | None
@@ -81,11 +71,11 @@ class GeneralInformation:
     consumption_Wh_per_km: float | None
     consumption_without_regeneration_Wh_per_km: float | None
     reduction_percent: float | None
-    undefined: Mapping[str, str]
-    formulas: tuple[str, ...]
-    covered_s: float
-    findings: tuple[Finding, ...]
-    of_vehicle: bool
+    undefined: Mapping[str, str]  # Reason for each figure that is None.
+    formulas: tuple[str, ...]  # Where power and speed come from.
+    covered_s: float  # Time integrated over [s].
+    findings: tuple[Finding, ...]  # What is doubtful.
+    of_vehicle: bool  # Whether distance and consumption are asked for.
 
     @property
     def figures(self) -> tuple[Figure, ...]:

@@ -101,20 +101,14 @@ MIN_RANGE_SD = 3.0
 
 @dataclass(frozen=True)
 class Courses:
-    """The shared signals of two records, smoothed.
+    """The shared signals of two records, smoothed."""
 
-    Attributes:
-        time_s: Even grid on the test's clock [s], shape (grid,).
-        ours: Signals of the test on it, shape (grid,) each.
-        theirs: Signals of the reference, to be read at any time on its clock.
-        reference_s: First and last time of the reference, on its clock [s].
-        correlated: Points of the grid that the Gaussian makes count as one, by signal [1].
-    """
-
-    time_s: Float[np.ndarray, " grid"]
-    ours: Mapping[str, Float[np.ndarray, " grid"]]
+    time_s: Float[np.ndarray, " grid"]  # Even grid on the test's clock [s], shape (grid,).
+    ours: Mapping[str, Float[np.ndarray, " grid"]]  # Signals of the test on it, shape (grid,) each.
+    # Signals of the reference, to be read at any time on its clock.
     theirs: Mapping[str, CubicSpline]
-    reference_s: tuple[float, float]
+    reference_s: tuple[float, float]  # First and last time of the reference, on its clock [s].
+    # Points of the grid that the Gaussian makes count as one, by signal [1].
     correlated: Mapping[str, float]
 
     @classmethod
@@ -252,20 +246,14 @@ MAX_SD_S = 5.0
 
 @dataclass(frozen=True)
 class Offset:
-    """How the clocks of two records stand to each other.
+    """How the clocks of two records stand to each other."""
 
-    Attributes:
-        offset_s: What is added to the reference's clock to give the test's [s].
-        sd_s: Standard uncertainty [s]: of the fit, and of where in its interval a logger stamps; 0
-            where the offset was given.
-        method: How it was found.
-        findings: Doubts about it.
-    """
-
-    offset_s: float
+    offset_s: float  # What is added to the reference's clock to give the test's [s].
+    # Standard uncertainty [s]: of the fit, and of where in its interval a logger stamps; 0 where
+    # the offset was given.
     sd_s: float
-    method: str
-    findings: tuple[Finding, ...] = ()
+    method: str  # How it was found.
+    findings: tuple[Finding, ...] = ()  # Doubts about it.
 
 
 def find_offset(test: Record, reference: Record, channels: Sequence[str]) -> Offset:

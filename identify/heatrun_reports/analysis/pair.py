@@ -28,24 +28,17 @@ FEWEST = 10
 
 @dataclass(frozen=True)
 class Pair:
-    """Two records, the test and its reference, on the clock of the first.
-
-    Attributes:
-        time_s: Common axis on the test's clock [s], shape (common,).
-        ours: Channels of the test, shape (common,) each; NaN where it has none.
-        theirs: The same channels of the reference.
-        method: How the common axis came about.
-        findings: What is not compared, and doubts about the offset.
-    """
+    """Two records, the test and its reference, on the clock of the first."""
 
     test: str
     reference: str
-    time_s: Float[np.ndarray, " common"]
+    time_s: Float[np.ndarray, " common"]  # Common axis on the test's clock [s], shape (common,).
+    # Channels of the test, shape (common,) each; NaN where it has none.
     ours: Mapping[str, Float[np.ndarray, " common"]]
-    theirs: Mapping[str, Float[np.ndarray, " common"]]
+    theirs: Mapping[str, Float[np.ndarray, " common"]]  # The same channels of the reference.
     offset: Offset
-    method: str
-    findings: tuple[Finding, ...]
+    method: str  # How the common axis came about.
+    findings: tuple[Finding, ...]  # What is not compared, and doubts about the offset.
 
     def within(self, from_s: float, to_s: float) -> Pair:
         """Return the part between two moments on the test's clock [s].

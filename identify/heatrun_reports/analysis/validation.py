@@ -4,8 +4,6 @@ Tolerances come first, then each signal (bias, spread, correlation, verdict) and
 time in common (energy, distance, consumption).
 """
 
-from __future__ import annotations
-
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -50,17 +48,11 @@ RULE = (
 
 @dataclass(frozen=True)
 class Tolerance:
-    """A tolerance and what decided it.
+    """A tolerance and what decided it."""
 
-    Attributes:
-        value: In the unit of the channel (K for temperatures) or figure.
-        decided_by: Which limit it is.
-        basis: For the report, with the limit that did not decide.
-    """
-
-    value: float
-    decided_by: DecidedBy
-    basis: str
+    value: float  # In the unit of the channel (K for temperatures) or figure.
+    decided_by: DecidedBy  # Which limit it is.
+    basis: str  # For the report, with the limit that did not decide.
 
 
 @dataclass(frozen=True)
@@ -206,35 +198,21 @@ VERDICTS: dict[Verdict, str] = {
 
 @dataclass(frozen=True)
 class SignalComparison:
-    """One signal of two prototypes; differences are test minus reference.
+    """One signal of two prototypes; differences are test minus reference."""
 
-    Attributes:
-        channel: The signal.
-        bias: Mean difference, weighted by time [unit of the channel, K for temperatures].
-        rmse: Root mean square of the difference [the same].
-        largest: Largest difference by magnitude, with its sign [the same].
-        largest_at_s: When, on the test's clock [s].
-        correlation: Of the two courses [1]; None where either is constant.
-        tolerance: What counts as agreement.
-        share_inside: Share of the time inside the tolerance [1].
-        share_in_band: Share of the time that the test lies in the reference's 95 % band [1]; None
-            without a band.
-        energy_kWh: Energy of test and reference over the compared time [kWh]; None for a signal
-            that is no power.
-        verdict: One of `VERDICTS`.
-    """
-
-    channel: str
-    bias: float
-    rmse: float
-    largest: float
-    largest_at_s: float
-    correlation: float | None
-    tolerance: Tolerance
-    share_inside: float
+    channel: str  # The signal.
+    bias: float  # Mean difference, weighted by time [unit of the channel, K for temperatures].
+    rmse: float  # Root mean square of the difference [the same].
+    largest: float  # Largest difference by magnitude, with its sign [the same].
+    largest_at_s: float  # When, on the test's clock [s].
+    correlation: float | None  # Of the two courses [1]; None where either is constant.
+    tolerance: Tolerance  # What counts as agreement.
+    share_inside: float  # Share of the time inside the tolerance [1].
+    # Share of the time that the test lies in the reference's 95 % band [1]; None without a band.
     share_in_band: float | None
+    # Energy of test and reference over the compared time [kWh]; None for a signal that is no power.
     energy_kWh: tuple[float, float] | None
-    verdict: Verdict
+    verdict: Verdict  # One of `VERDICTS`.
 
 
 def place(channel: str) -> tuple[int, int]:
@@ -306,24 +284,18 @@ OF_THE_DRIVE = ("dc_power_W", "electrical_power_W")
 
 @dataclass(frozen=True)
 class FigureComparison:
-    """One figure of two prototypes over the time in common; test and reference in its unit.
+    """One figure of two prototypes over the time in common; test and reference in its unit."""
 
-    Attributes:
-        name: As in the General Information table, or `energy_of_CHANNEL_kWh`.
-        difference_percent: Test minus reference over the reference's magnitude [%]; None where
-            that is 0 or undefined.
-        note: Why there is no verdict; else empty.
-    """
-
-    name: str
+    name: str  # As in the General Information table, or `energy_of_CHANNEL_kWh`.
     label: str
     unit: str
     test: float
     reference: float
+    # Test minus reference over the reference's magnitude [%]; None where that is 0 or undefined.
     difference_percent: float | None
     tolerance: Tolerance
     verdict: FigureVerdict
-    note: str = ""
+    note: str = ""  # Why there is no verdict; else empty.
 
 
 def within(record: Record, from_s: float, to_s: float) -> Record:
@@ -401,15 +373,12 @@ def _place(record: Record, motor: Motor) -> str:
 
 @dataclass(frozen=True)
 class Validation:
-    """Two prototypes beside each other, signal by signal and figure by figure, with doubts.
-
-    Attributes:
-        bands: Lower and upper 95 % limit of the reference on the common axis, by channel.
-    """
+    """Two prototypes beside each other, signal by signal and figure by figure, with doubts."""
 
     pair: Pair
     signals: tuple[SignalComparison, ...]
     figures: tuple[FigureComparison, ...]
+    # Lower and upper 95 % limit of the reference on the common axis, by channel.
     bands: Mapping[str, Limits]
     findings: tuple[Finding, ...]
 

@@ -1,7 +1,5 @@
 """The tab that shows a fleet: a row for each machine, and all that is known of the one chosen."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from html import escape

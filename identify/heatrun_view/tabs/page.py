@@ -3,8 +3,6 @@
 The chosen tests are read in the background, and followed as they grow.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping, Sequence
 from html import escape

@@ -1,7 +1,5 @@
 """What is chosen on the left of the page, in its address too."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The tab on which the parameters of the network are moved by hand over a measured test."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from html import escape
 

@@ -1,7 +1,5 @@
 """The tab on which readings after switch-off are typed, and the winding's temperature follows."""
 
-from __future__ import annotations
-
 import re
 import tempfile
 from collections.abc import Callable
@@ -38,21 +36,13 @@ MOST_CHARACTERS = 20_000
 
 @dataclass(frozen=True)
 class Typed:
-    """What stands on the page; what is left empty is the motor file's.
+    """What stands on the page; what is left empty is the motor file's."""
 
-    Attributes:
-        head: Heading of the readings.
-        readings: Times and readings, a line each.
-        cold: Cold resistance in their unit.
-        cold_at: Its temperature [degC].
-        sink: Temperature that the machine cools to [degC].
-    """
-
-    head: str
-    readings: str = ""
-    cold: str = ""
-    cold_at: str = ""
-    sink: str = ""
+    head: str  # Heading of the readings.
+    readings: str = ""  # Times and readings, a line each.
+    cold: str = ""  # Cold resistance in their unit.
+    cold_at: str = ""  # Its temperature [degC].
+    sink: str = ""  # Temperature that the machine cools to [degC].
 
     def machine(self, motor: Motor) -> Motor:
         """Return the machine with what is stated on the page."""

@@ -24,60 +24,38 @@ Temperatures = Mapping[str, Float[Array, "..."]]
 
 
 class Quantity(NamedTuple):
-    """A parameter of an effect.
+    """A parameter of an effect."""
 
-    Attributes:
-        unit: Unit in SI.
-        null: Value at which the effect vanishes, or None for a shape parameter (such as an
-            exponent) that has no meaning once the effect is gone.
-        low: Smallest plausible value.
-        high: Largest plausible value.
-        typical: Value to start from.
-        meaning: What it is, in a few words.
-        limit: Value that it cannot pass, such as 1 for a share; None where there is none.
-    """
-
-    unit: str
+    unit: str  # Unit in SI.
+    # Value at which the effect vanishes, or None for a shape parameter (such as an exponent) that
+    # has no meaning once the effect is gone.
     null: float | None
-    low: float
-    high: float
-    typical: float
-    meaning: str
+    low: float  # Smallest plausible value.
+    high: float  # Largest plausible value.
+    typical: float  # Value to start from.
+    meaning: str  # What it is, in a few words.
+    # Value that it cannot pass, such as 1 for a share; None where there is none.
     limit: float | None = None
 
 
 class EffectCard(NamedTuple):
-    """What the bench needs to know of an effect.
+    """What the bench needs to know of an effect."""
 
-    Attributes:
-        id: Name in reports and files.
-        family: Group that it belongs to.
-        law: Formula in words of the field.
-        needs: Inputs it cannot do without, names of fields of `Drive`.
-        signature: What the bench shows when the effect is missing.
-        separating_test: The test that would tell it from its twins.
-        parameters: Its parameters by name.
-    """
-
-    id: str
-    family: str
-    law: str
-    needs: tuple[str, ...]
-    signature: str
-    separating_test: str
-    parameters: Mapping[str, Quantity]
+    id: str  # Name in reports and files.
+    family: str  # Group that it belongs to.
+    law: str  # Formula in words of the field.
+    needs: tuple[str, ...]  # Inputs it cannot do without, names of fields of `Drive`.
+    signature: str  # What the bench shows when the effect is missing.
+    separating_test: str  # The test that would tell it from its twins.
+    parameters: Mapping[str, Quantity]  # Its parameters by name.
 
 
 class AbstractEffect(eqx.Module):
-    """A physical effect that the two base networks leave out.
+    """A physical effect that the two base networks leave out."""
 
-    Attributes:
-        card: What the bench needs to know of it.
-        rebuilds: Whether it takes the base network apart. It then comes before all others, which
-            find their places in what it leaves, and acts on the heat balance after all others.
-    """
-
-    card: ClassVar[EffectCard]
+    card: ClassVar[EffectCard]  # What the bench needs to know of it.
+    # Whether it takes the base network apart. It then comes before all others, which find their
+    # places in what it leaves, and acts on the heat balance after all others.
     rebuilds: ClassVar[bool] = False
 
     @classmethod
@@ -136,26 +114,16 @@ class SensorEffect(AbstractEffect):
 
 @dataclass(frozen=True)
 class Terms:
-    """Right-hand side of the heat balance at one instant, and what it was made of.
+    """Right-hand side of the heat balance at one instant, and what it was made of."""
 
-    Attributes:
-        heat: Heat put into each node [W].
-        conductance: Conductance of each link [W/K].
-        sink: Temperature of the boundary [degC].
-        second_sink: Temperature of the second boundary [degC]; None where none is given.
-        network: The network, effects' nodes included.
-        losses: Resistance, material, and what the loss channel means.
-        copper: Copper loss P_js of the base model [W].
-        other: Other losses P_ol of the base model [W].
-    """
-
-    heat: dict[str, Float[Array, "..."]]
-    conductance: dict[Link, Float[Array, "..."]]
-    sink: Float[Array, "..."]
-    network: Network
-    losses: CopperLosses
-    copper: Float[Array, "..."]
-    other: Float[Array, "..."]
+    heat: dict[str, Float[Array, "..."]]  # Heat put into each node [W].
+    conductance: dict[Link, Float[Array, "..."]]  # Conductance of each link [W/K].
+    sink: Float[Array, "..."]  # Temperature of the boundary [degC].
+    network: Network  # The network, effects' nodes included.
+    losses: CopperLosses  # Resistance, material, and what the loss channel means.
+    copper: Float[Array, "..."]  # Copper loss P_js of the base model [W].
+    other: Float[Array, "..."]  # Other losses P_ol of the base model [W].
+    # Temperature of the second boundary [degC]; None where none is given.
     second_sink: Float[Array, "..."] | None = None
 
     def add_heat(self, node: str, watts: Float[Array, "..."]) -> Terms:

@@ -35,16 +35,11 @@ class NeighbourBody(NodeEffect):
     what a small body does already has the right course in time. With the conductance going to
     zero at a given capacity, a body would look like one more way to the sink.
 
-    Attributes:
-        C: Heat capacity of the body [J/K].
-        tau: Time constant of the body against the stator [s]; its resistance is tau/C.
-        node: Node that it is tied to.
-
     Valid for: a body that loses little heat to the air of its own within the test.
     """
 
     C: Float[Array, ""]
-    tau: Float[Array, ""]
+    tau: Float[Array, ""]  # Against the stator: tau/C is the resistance between them.
     node: str = eqx.field(static=True, default="stator")
 
     card: ClassVar[EffectCard] = EffectCard(
@@ -97,22 +92,14 @@ class RotorNode(NodeEffect, HeatEffect):
     other losses at a constant sum. That of a cage goes with the load alone, whatever the speed;
     eddy currents in magnets go with the speed, and less with the load.
 
-    Attributes:
-        P: Heat that arises in the rotor at rated speed and current, $P_r^*$ [W].
-        rise: Of the rotor above the stator with that heat, $\Delta$ [K].
-        tau: Time constant of the rotor against the stator [s].
-        n: Exponent of the speed, that of a cage nearly 0 [1].
-        m: How far the heat goes with the squared current: 0 not at all, 1 in proportion [1].
-        node: Node that it is tied to.
-
     Valid for: a rotor that loses its heat through the air gap alone.
     """
 
-    P: Float[Array, ""]
-    rise: Float[Array, ""]
+    P: Float[Array, ""]  # P_r^* of the law.
+    rise: Float[Array, ""]  # Delta of the law.
     tau: Float[Array, ""]
-    n: Float[Array, ""]
-    m: Float[Array, ""]
+    n: Float[Array, ""]  # That of a cage is nearly 0.
+    m: Float[Array, ""]  # 0 not at all, 1 in proportion to the squared current.
     node: str = eqx.field(static=True, default="stator")
 
     card: ClassVar[EffectCard] = EffectCard(
@@ -163,17 +150,12 @@ class EndWindingNode(NodeEffect, HeatEffect, SensorEffect):
     with the share f and no node becomes stiff. The overhang's loss is reckoned at the temperature
     of the slots. The copper loss is split at a constant sum.
 
-    Attributes:
-        f: Share of the winding that is overhang [1].
-        tau: Time constant of the overhang against the slots [s].
-        p: Place of the sensor: share of the overhang in the reading [1].
-
     Valid for: an overhang that hands its heat to the slots, not to the air.
     """
 
     f: Float[Array, ""]
     tau: Float[Array, ""]
-    p: Float[Array, ""]
+    p: Float[Array, ""]  # Where the sensor lies.
 
     card: ClassVar[EffectCard] = EffectCard(
         id="end_winding_node",
@@ -239,16 +221,11 @@ class HousingNode(NodeEffect):
     link to the sink; and it is why a winding sensor never tells a housing from a neighbour. The
     node's temperature T_b is that of the side body; the housing itself is at T0 + x (T_b - T0).
 
-    Attributes:
-        x: Share of the resistance that lies between housing and sink [1].
-        tau: Time constant of the housing against core and sink [s].
-        link: Link that is divided.
-
     Valid for: a housing of one temperature, and a sink that is slow against tau.
     """
 
     x: Float[Array, ""]
-    tau: Float[Array, ""]
+    tau: Float[Array, ""]  # Against core and sink.
     link: tuple[str, str] = eqx.field(static=True, default=("stator", "ambient"))
 
     card: ClassVar[EffectCard] = EffectCard(
@@ -308,15 +285,11 @@ class WindingNode(NodeEffect, HeatEffect):
     The body is called stator, as in the second order; the sink, the other losses and the effects
     on the stator are its own. This effect looks at the whole balance, so it acts on it last.
 
-    Attributes:
-        x: Resistance from winding to body over that from body to sink [1].
-        tau: Time constant of the winding against the body, c (1-c) C x R [s].
-
     Valid for: a machine that starts soaked at one temperature.
     """
 
     x: Float[Array, ""]
-    tau: Float[Array, ""]
+    tau: Float[Array, ""]  # c (1 - c) C R.
 
     rebuilds: ClassVar[bool] = True
 

@@ -26,10 +26,6 @@ class InsulationConductivity(HeatEffect):
 
     $$ 1/R_{eq,w} \to (1/R_{eq,w})\,(1 + b\,(T_w - 60\,^\circ\mathrm{C})) $$
 
-    Attributes:
-        b: Temperature coefficient of the conductivity [1/K].
-        link: Link that it acts on.
-
     Valid for: impregnation whose conductivity is about linear over the range of the test.
     """
 
@@ -61,10 +57,6 @@ class ContactDrift(HeatEffect):
 
     $$ R_{eq,w} \to R_{eq,w}\,(1 + d\,t) $$
 
-    Attributes:
-        d: Relative rise of the resistance per hour [1/h].
-        link: Link that it acts on.
-
     Valid for: a steady change from the start of each test.
     """
 
@@ -93,11 +85,6 @@ class SpeedCooling(HeatEffect):
     r"""Heat leaves the stator more easily as the machine turns.
 
     $$ 1/R_{eq,sr} \to (1/R_{eq,sr})\,(1 + g\, s^m), \quad s = n/n_{rated} $$
-
-    Attributes:
-        g: Gain of conductance at rated speed [1].
-        m: Exponent of the speed [1].
-        link: Link that it acts on.
 
     Valid for: a shaft-mounted fan or windage over a closed frame; m = 0.8 where the flow is
         turbulent, 0.5 where it is laminar.
@@ -134,10 +121,6 @@ class FanCooling(HeatEffect):
 
     $$ 1/R_{eq,sr} \to (1/R_{eq,sr})\,(1 + g\,\varphi) $$
 
-    Attributes:
-        g: Gain of conductance at the rated fan [1].
-        link: Link that it acts on.
-
     Valid for: a conductance that rises in proportion to the fan or flow channel.
     """
 
@@ -170,11 +153,6 @@ class CoolingStep(HeatEffect):
     $$ 1/R_{eq,sr} \to k/R_{eq,sr} \quad (t > t^*) $$
 
     The change takes about a minute, so that the moment can be fitted.
-
-    Attributes:
-        k: Conductance after the moment over before [1].
-        t_star: The moment [s].
-        link: Link that it acts on.
 
     Valid for: one change within a test: a door, a pump, a cover, a filter.
     """
@@ -215,10 +193,6 @@ class Radiation(HeatEffect):
 
     $$ P_{sr} \mathrel{-}= \varepsilon\sigma A\,[(T_{sr}+273.15)^4 - (T_0+273.15)^4] $$
 
-    Attributes:
-        eA: Emissivity times surface [m^2].
-        node: Node that it acts on.
-
     Valid for: walls at the temperature of the sink and a grey surface of one temperature.
     Reference: Stefan-Boltzmann constant: CODATA 2018, 5.670374419e-8 W/(m^2 K^4).
     """
@@ -255,11 +229,6 @@ class NaturalConvection(HeatEffect):
 
     The difference is rounded off below 1 K, where the law has no slope. Req,sr then holds at a
     difference of 40 K.
-
-    Attributes:
-        f: Share of the conductance that is by natural convection [1].
-        n: Exponent of the difference of temperature [1].
-        link: Link that it acts on.
 
     Valid for: a closed machine in still air; n = 1/4 laminar, 1/3 turbulent.
     Reference: T. L. Bergman et al., Fundamentals of Heat and Mass Transfer, 7th ed., chapter 9.
@@ -305,9 +274,6 @@ class CoolantSink(HeatEffect):
 
     $$ T_0 \to (1-a)\,T_0 + a\,T_{coolant} $$
 
-    Attributes:
-        a: Share of the coolant in the sink [1].
-
     Valid for: one path to the sink that air and coolant share.
     """
 
@@ -342,10 +308,6 @@ class AmbientDrift(HeatEffect):
 
     $$ T_0 \to T_0 + d\,\tau\,(1 - e^{-t/\tau}) $$
 
-    Attributes:
-        d: Drift of the sink at the start of a test [K/h].
-        tau: Time constant with which it levels off [h].
-
     Valid for: a room, a flange or a tank that takes up heat from the start of each test.
     """
 
@@ -376,9 +338,6 @@ class AmbientRecirculation(HeatEffect):
     r"""The machine breathes its own warm air: the sink rises with the losses at once.
 
     $$ T_0 \to T_0 + r\,P $$
-
-    Attributes:
-        r: Rise of the intake per watt of losses [K/W].
 
     Valid for: air paths that are short against the slow time constant.
     """

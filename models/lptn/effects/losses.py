@@ -23,17 +23,13 @@ class AcCopperLoss(HeatEffect):
     current rises. Under a measured balance the total is known: the winding gains what the other
     losses lose. Under a map it comes on top.
 
-    Attributes:
-        k: AC over DC loss less one, at rated speed and the temperature that the phase resistance
-            holds for [1].
-
     Valid for: conductors that are small against the skin depth.
     Reference: R. Wrobel, D. E. Salt, A. Griffo, N. Simpson, P. H. Mellor, Derivation and scaling of
         AC copper loss in thermal modeling of electrical machines, IEEE Transactions on Industrial
         Electronics 61 (2014) 4412-4420.
     """
 
-    k: Float[Array, ""]
+    k: Float[Array, ""]  # At the temperature that the phase resistance holds for.
 
     card: ClassVar[EffectCard] = EffectCard(
         id="ac_copper_loss",
@@ -66,17 +62,12 @@ class IronLossInWinding(HeatEffect):
     a share of those, a step of load would heat the winding too much, and its heat capacity and
     conductance would come out too large by the same factor.
 
-    Attributes:
-        k: Loss that warms the winding first, at rated speed and current [W].
-        n: Exponent of the speed [1].
-        m: How far it goes with the squared current: 0 not at all, 1 in proportion [1].
-
     Valid for: losses in the teeth; heat is moved at a constant sum under a balance and under a map.
     """
 
     k: Float[Array, ""]
     n: Float[Array, ""]
-    m: Float[Array, ""]
+    m: Float[Array, ""]  # 0 not at all, 1 in proportion to the squared current.
 
     card: ClassVar[EffectCard] = EffectCard(
         id="iron_loss_in_winding",
@@ -102,10 +93,6 @@ class ExternalLoss(HeatEffect):
     r"""Part of the mechanical loss never heats the stator.
 
     $$ P_{sr} \mathrel{-}= k\, s^m P_{ol} $$
-
-    Attributes:
-        k: Share of the other losses at rated speed that stays outside [1].
-        m: Exponent of the speed [1].
 
     Valid for: a balance that holds bearing, seal or gear losses outside of the stator; it takes
         heat out under a balance and under a map.
@@ -146,11 +133,6 @@ class BearingFriction(HeatEffect):
 
     $$ P_{sr} \mathrel{+}= T_f\,\omega\,e^{-\kappa (T_{sr}-T_0)} $$
 
-    Attributes:
-        T_f: Friction torque of the cold bearings [N m].
-        kappa: Fall of the friction with temperature [1/K].
-        node: Node that it acts on.
-
     T_f holds all of what reaches the stator: a share c of it could not be told from its size.
 
     Valid for: friction that the losses do not hold, so it adds heat, under a map and where the
@@ -189,9 +171,6 @@ class StrayLoadLoss(HeatEffect):
 
     $$ k\,(I/I_r)^2 s^{1.5} $$
 
-    Attributes:
-        k: Stray loss at rated current and speed [W].
-
     Valid for: load-dependent losses beyond copper and no-load iron.
     """
 
@@ -223,9 +202,6 @@ class StandbyLoss(HeatEffect):
 
     $$ P_{sr} \mathrel{+}= P_0 $$
 
-    Attributes:
-        P0: Loss at rest [W].
-
     Valid for: an inverter that is on throughout; it adds heat. The same trace as an offset of the
         sink.
     """
@@ -253,9 +229,6 @@ class LossGain(HeatEffect):
 
     $$ P_d \to (1+g)\,P_d $$
 
-    Attributes:
-        g: Relative error of the losses [1].
-
     Valid for: an error in proportion; the scale of losses is not to be had from temperatures alone.
     """
 
@@ -282,9 +255,6 @@ class CopperCoefficient(HeatEffect):
     r"""The resistance of the winding rises otherwise than the material says.
 
     $$ R(T) = R_{s0}\,\frac{B + \Delta B + T}{B + \Delta B + T_{ref}} $$
-
-    Attributes:
-        dB: Deviation of B from the material value [degC].
 
     Valid for: alloys and other materials; under a balance it moves heat, under a map it adds.
     """
@@ -318,9 +288,6 @@ class WindingResistance(HeatEffect):
     r"""The phase resistance is another than the motor file says.
 
     $$ R_{s0} \to (1+g)\,R_{s0} $$
-
-    Attributes:
-        g: Relative error of the resistance [1].
 
     Valid for: measuring errors, and gross ones where a line resistance was taken for that of a
         phase; under a balance it moves heat, under a map it adds.
@@ -360,18 +327,13 @@ class SpeedLoss(HeatEffect):
     It belongs to a network and is none of the effects that a search may find, so that it is not
     in `lptn.EFFECTS`.
 
-    Attributes:
-        linear: P1, the part that grows with the speed, at 1000 rpm [W].
-        square: P2, the part that grows with its square, at 1000 rpm [W].
-        node: Node that it heats.
-
     Valid for: losses that the load does not change; iron losses at a flux that is held.
     Reference: J. Pyrhonen, T. Jokinen, V. Hrabovcova, Design of Rotating Electrical Machines,
         2nd ed., 2014, sections 9.1 (hysteresis, eddy currents) and 9.3 (friction, windage).
     """
 
-    linear: Float[Array, ""]
-    square: Float[Array, ""]
+    linear: Float[Array, ""]  # P1, at 1000 rpm.
+    square: Float[Array, ""]  # P2, at 1000 rpm.
     node: str = eqx.field(static=True, default="rotor")
 
     card: ClassVar[EffectCard] = EffectCard(

@@ -22,9 +22,6 @@ class SensorLag(SensorEffect):
     Solved exactly for a reading that is linear between edges, so that a lag much shorter than
     the interval is as stable as a long one. It starts in equilibrium.
 
-    Attributes:
-        tau: Time constant of the sensor [s].
-
     Valid for: a sensor that is small against the winding (it takes no heat away).
     """
 
@@ -55,14 +52,10 @@ class SensorContact(SensorEffect):
 
     $$ T_m = (1-k)\,T_w + k\,T_{sr} $$
 
-    Attributes:
-        k: Share of the stator in the reading [1]; negative at a hot spot.
-        node: Node that it touches beside the winding.
-
     Valid for: a sensor that is small against both.
     """
 
-    k: Float[Array, ""]
+    k: Float[Array, ""]  # Negative at a hot spot.
     node: str = eqx.field(static=True, default="stator")
 
     card: ClassVar[EffectCard] = EffectCard(
@@ -91,9 +84,6 @@ class SensorGain(SensorEffect):
     r"""The sensor reads the rise wrong by a factor.
 
     $$ T_m = T_0 + (1+g)\,(T_w - T_0) $$
-
-    Attributes:
-        g: Relative error of the rise [1].
 
     Valid for: an error in proportion to the rise above the sink.
     """
@@ -126,9 +116,6 @@ class TimeShift(SensorEffect):
     $$ T_m(t) = T_w(t - d) $$
 
     Straight lines between the edges; before the start the first temperature holds.
-
-    Attributes:
-        d: Delay [s].
 
     Valid for: one delay throughout the tests.
     """

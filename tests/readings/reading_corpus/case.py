@@ -23,39 +23,27 @@ class Truth(Enum):
 
 @dataclass(frozen=True)
 class Case:
-    """One file of the corpus.
+    """One file of the corpus."""
 
-    Attributes:
-        cause: Group that it belongs to.
-        name: Unique in the group.
-        truth: What a reader must make of it.
-        content: The bytes, or a function that writes the file.
-        suffix: Of the file, with the dot.
-        channels: Canonical channel to true values, `time_s` among them; NaN where the file has
-            no value. Empty for `Truth.REFUSE`.
-        tolerance: By channel: what the writing rounds away.
-        columns: `[columns]` of the motor file.
-        machine: Under test.
-        subject: Regular expression; a warning or question that names the doubt matches it.
-        at: What follows the path, such as `@10Hz`.
-        true_faults: Ids of findings that say of the recording what is true, such as gaps.
-        held: True values of samples that the file half holds: they may be read, or be missing.
-        has_resistance: The motor file gives the phase resistance, against which losses can be held.
-    """
-
-    cause: str
-    name: str
-    truth: Truth
-    content: bytes | Callable[[Path], None]
-    suffix: str = ".csv"
+    cause: str  # Group that it belongs to.
+    name: str  # Unique in the group.
+    truth: Truth  # What a reader must make of it.
+    content: bytes | Callable[[Path], None]  # The bytes, or a function that writes the file.
+    suffix: str = ".csv"  # Of the file, with the dot.
+    # Canonical channel to true values, `time_s` among them; NaN where the file has no value. Empty
+    # for `Truth.REFUSE`.
     channels: dict[str, np.ndarray] = field(default_factory=dict)
+    # By channel: what the writing rounds away.
     tolerance: dict[str, float] = field(default_factory=dict)
-    columns: dict[str, str] = field(default_factory=dict)
-    machine: Machine = MACHINES[0]
-    subject: str = ""
-    at: str = ""
+    columns: dict[str, str] = field(default_factory=dict)  # `[columns]` of the motor file.
+    machine: Machine = MACHINES[0]  # Under test.
+    subject: str = ""  # Regular expression; a warning or question that names the doubt matches it.
+    at: str = ""  # What follows the path, such as `@10Hz`.
+    # Ids of findings that say of the recording what is true, such as gaps.
     true_faults: frozenset[str] = frozenset()
+    # The motor file gives the phase resistance, against which losses can be held.
     has_resistance: bool = True
+    # True values of samples that the file half holds: they may be read, or be missing.
     held: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property

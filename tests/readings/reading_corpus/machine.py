@@ -8,33 +8,19 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Machine:
-    """A machine with two masses.
+    """A machine with two masses."""
 
-    Attributes:
-        name: For the motor file.
-        resistance_ohm: Of a phase at 25 degC.
-        current_A: Phase current at full load, rms.
-        torque_Nm: Torque at full load.
-        speed_rpm: Rated speed.
-        voltage_V: Of the DC link.
-        iron_W: Losses beside those of the copper, at rated speed.
-        C_winding_J_per_K: Heat capacity of the winding.
-        C_stator_J_per_K: Heat capacity of the rest.
-        R_winding_K_per_W: From the winding to the rest.
-        R_stator_K_per_W: From the rest to the air.
-    """
-
-    name: str
-    resistance_ohm: float
-    current_A: float
-    torque_Nm: float
-    speed_rpm: float
-    voltage_V: float
-    iron_W: float
-    C_winding_J_per_K: float
-    C_stator_J_per_K: float
-    R_winding_K_per_W: float
-    R_stator_K_per_W: float
+    name: str  # For the motor file.
+    resistance_ohm: float  # Of a phase at 25 degC.
+    current_A: float  # Phase current at full load, rms.
+    torque_Nm: float  # Torque at full load.
+    speed_rpm: float  # Rated speed.
+    voltage_V: float  # Of the DC link.
+    iron_W: float  # Losses beside those of the copper, at rated speed.
+    C_winding_J_per_K: float  # Heat capacity of the winding.
+    C_stator_J_per_K: float  # Heat capacity of the rest.
+    R_winding_K_per_W: float  # From the winding to the rest.
+    R_stator_K_per_W: float  # From the rest to the air.
 
     def motor_file(self, columns: dict[str, str], *, resistance: bool = True) -> str:
         """Return the motor file with these `[columns]`, with or without the phase resistance."""

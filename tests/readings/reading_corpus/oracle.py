@@ -25,21 +25,13 @@ VERDICTS = (RIGHT, ASKED, WARNED, SHOWN, REFUSED, NEEDLESS, MISREAD, TRACEBACK)
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one file.
+    """What came of one file."""
 
-    Attributes:
-        case: The file.
-        verdict: One of `VERDICTS`.
-        said: What heatrun said, or how far the reading is off.
-        named: A question or warning named the doubt (see `Case.subject`).
-        beneath: What a check stopped was a wrong reading of what the file states.
-    """
-
-    case: Case
-    verdict: str
-    said: str
-    named: bool = True
-    beneath: bool = False
+    case: Case  # The file.
+    verdict: str  # One of `VERDICTS`.
+    said: str  # What heatrun said, or how far the reading is off.
+    named: bool = True  # A question or warning named the doubt (see `Case.subject`).
+    beneath: bool = False  # What a check stopped was a wrong reading of what the file states.
 
 
 @cache

@@ -22,49 +22,30 @@ THESIS = dict(zip(FIVE, ("t", "Is", "Pd", "Te", "Tw_m"), strict=True))
 
 @dataclass(frozen=True)
 class Column:
-    """One column.
+    """One column."""
 
-    Attributes:
-        channel: Canonical channel that it holds.
-        header: Name in the file.
-        cells: One text per sample.
-        numbers: The same as numbers in the file's unit, for files that hold numbers.
-        unit: Symbol of `units.UNITS`.
-    """
-
-    channel: str
-    header: str
-    cells: tuple[str, ...]
-    numbers: np.ndarray
-    unit: str
+    channel: str  # Canonical channel that it holds.
+    header: str  # Name in the file.
+    cells: tuple[str, ...]  # One text per sample.
+    numbers: np.ndarray  # The same as numbers in the file's unit, for files that hold numbers.
+    unit: str  # Symbol of `units.UNITS`.
 
 
 @dataclass(frozen=True)
 class Layout:
-    """How a table is laid down as text.
+    """How a table is laid down as text."""
 
-    Attributes:
-        delimiter: Between cells.
-        encoding: Of the bytes.
-        newline: After each line.
-        before: Lines above the names.
-        above: Cells of rows above the names, one text per column.
-        below: The same between names and values.
-        after: Lines at the end.
-        bom: Bytes in front.
-        row: Turns the cells of a row into a line; by default they are joined.
-        rows: Changes the lines of all samples: takes and returns a list of lines.
-    """
-
-    delimiter: str = ","
-    encoding: str = "utf-8"
-    newline: str = "\n"
-    before: tuple[str, ...] = ()
-    above: tuple[tuple[str, ...], ...] = ()
-    below: tuple[tuple[str, ...], ...] = ()
-    after: tuple[str, ...] = ()
-    bom: bytes = b""
+    delimiter: str = ","  # Between cells.
+    encoding: str = "utf-8"  # Of the bytes.
+    newline: str = "\n"  # After each line.
+    before: tuple[str, ...] = ()  # Lines above the names.
+    above: tuple[tuple[str, ...], ...] = ()  # Cells of rows above the names, one text per column.
+    below: tuple[tuple[str, ...], ...] = ()  # The same between names and values.
+    after: tuple[str, ...] = ()  # Lines at the end.
+    bom: bytes = b""  # Bytes in front.
+    # Turns the cells of a row into a line; by default they are joined.
     row: Callable[[list[str]], str] | None = None
+    # Changes the lines of all samples: takes and returns a list of lines.
     rows: Callable[[list[str]], list[str]] | None = None
     names: bool = True
 

@@ -4,8 +4,6 @@ The numbers decide: that delimiter and decimal sign are taken under which most c
 numbers. Lines above the header are kept as preamble. The rows of names and of units come first.
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections import defaultdict
@@ -164,37 +162,24 @@ SCORED_LINES = 200
 
 @dataclass(frozen=True)
 class Layout:
-    """How the lines of a text table are to be read.
+    """How the lines of a text table are to be read."""
 
-    Attributes:
-        delimiter: One of `DELIMITERS`.
-        decimal: `"."` or `","`.
-        width: Number of cells in a line of data.
-        names: Cells of the header, at most `width`.
-        units: Rows of units, each with the unit text by column, None where a cell is empty.
-        preamble: Lines above the header, and comments below it.
-        first_line: Index of the first line of data, counted from 0.
-        header: The line of names as it stands in the file.
-        above: How the lines above the data begin, and those that tell units as they stand.
-        num_optional: Columns at the end that a line may leave out, such as one of comments.
-        num_settings: Lines of as many numbers above the names, under other names.
-        called: What the logger calls its inputs, by column.
-        is_unsettled: Every number with the decimal sign may be a whole one with a separator of
-            thousands.
-    """
-
-    delimiter: str
-    decimal: str
-    width: int
-    names: tuple[str, ...]
+    delimiter: str  # One of `DELIMITERS`.
+    decimal: str  # `"."` or `","`.
+    width: int  # Number of cells in a line of data.
+    names: tuple[str, ...]  # Cells of the header, at most `width`.
+    # Rows of units, each with the unit text by column, None where a cell is empty.
     units: tuple[tuple[str | None, ...], ...]
-    preamble: tuple[str, ...]
-    first_line: int
+    preamble: tuple[str, ...]  # Lines above the header, and comments below it.
+    first_line: int  # Index of the first line of data, counted from 0.
+    # Every number with the decimal sign may be a whole one with a separator of thousands.
     is_unsettled: bool = False
-    header: str = ""
+    header: str = ""  # The line of names as it stands in the file.
+    # How the lines above the data begin, and those that tell units as they stand.
     above: frozenset[str] = frozenset()
-    num_optional: int = 0
-    num_settings: int = 0
+    num_optional: int = 0  # Columns at the end that a line may leave out, such as one of comments.
+    num_settings: int = 0  # Lines of as many numbers above the names, under other names.
+    # What the logger calls its inputs, by column.
     called: Mapping[int, str] = field(default_factory=dict)
 
     @property

@@ -4,8 +4,6 @@ Lines are counted on the bytes: a million of them take a fraction of a second th
 table parser would fill up short lines without a word.
 """
 
-from __future__ import annotations
-
 import codecs
 import itertools
 import re
@@ -213,24 +211,15 @@ NUM_NAMED = 5  # so many line numbers stand in a message
 
 @dataclass(frozen=True)
 class DataLines:
-    """The lines that have the right number of cells.
+    """The lines that have the right number of cells."""
 
-    Attributes:
-        text: These lines, in UTF-8.
-        numbers: Line number in the file of each, from 1.
-        ragged: Line numbers of those left out.
-        sample_numbers: As `heatrun.record.table.Table`.
-        ragged_texts: The first of these lines themselves.
-        is_double_spaced: A blank line stands behind each line.
-        restarts: Which of them, from 0, come first behind a line of names that stands there again.
-    """
-
-    text: bytes
-    numbers: np.ndarray
-    ragged: np.ndarray
-    sample_numbers: np.ndarray | None = None
-    is_double_spaced: bool = False
-    ragged_texts: tuple[str, ...] = ()
+    text: bytes  # These lines, in UTF-8.
+    numbers: np.ndarray  # Line number in the file of each, from 1.
+    ragged: np.ndarray  # Line numbers of those left out.
+    sample_numbers: np.ndarray | None = None  # As `heatrun.record.table.Table`.
+    is_double_spaced: bool = False  # A blank line stands behind each line.
+    ragged_texts: tuple[str, ...] = ()  # The first of these lines themselves.
+    # Which of them, from 0, come first behind a line of names that stands there again.
     restarts: tuple[int, ...] = ()
 
 

@@ -4,8 +4,6 @@ Lines that hold no sample count where time is counted by lines. `Hints` is what 
 motor file says about reading a file.
 """
 
-from __future__ import annotations
-
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -40,17 +38,12 @@ Decimal = Literal[".", ","]
 
 @dataclass(frozen=True)
 class Hints:
-    """What the motor file says about reading a file.
+    """What the motor file says about reading a file."""
 
-    Attributes:
-        claims: What the lines of `[columns]` say of each column that they name.
-        decimal: Decimal sign of the text tables, or None to find it.
-        sheet: Sheet of a workbook that the test names, or None to choose it.
-    """
-
+    # What the lines of `[columns]` say of each column that they name.
     claims: tuple[Claim, ...] = ()
-    decimal: Decimal | None = None
-    sheet: str | None = None
+    decimal: Decimal | None = None  # Decimal sign of the text tables, or None to find it.
+    sheet: str | None = None  # Sheet of a workbook that the test names, or None to choose it.
 
     def unit_of(self, name: str, label: str) -> str | None:
         """Return the unit text that `[columns]` states for a column of this name and label, if any.

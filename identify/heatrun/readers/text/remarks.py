@@ -15,8 +15,6 @@ of its quantity has no unit and would be read in another one; then it is a quest
 number, as in "Rated power [kW]; 50", are no statements about columns.
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Container, Iterator, Sequence

@@ -3,8 +3,6 @@
 Which decimal sign numbers have is judged with them, and whether the file settles it.
 """
 
-from __future__ import annotations
-
 import csv
 import datetime
 import re
