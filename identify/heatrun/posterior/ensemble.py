@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -123,6 +124,10 @@ SHARE_WITH_EVOLUTION = 0.25
 """Share of the former where evolution alone moves the parameters [1]."""
 
 
+TELLINGS = 10
+"""Times that a chunk says how far it is."""
+
+
 class Ensemble:
     """One ensemble with its chunks; takes up a checkpoint where there is one."""
 
@@ -179,8 +184,12 @@ class Ensemble:
         """Steps so far."""
         return sum(chunk["chain"].shape[0] for chunk in self._done)
 
-    def advance(self, num_steps: int, num_chunks: int = 1) -> None:
-        """Go on by chunks of so many steps, or take them from the checkpoint."""
+    def advance(
+        self, num_steps: int, num_chunks: int = 1, told: Callable[[int], None] | None = None
+    ) -> None:
+        """Go on by chunks of so many steps, or take them from the checkpoint; `told` gets the steps
+        so far, `TELLINGS` times a chunk.
+        """
         for _ in range(num_chunks):
             if self._waiting:
                 chunk = self._waiting.pop(0)
@@ -188,7 +197,11 @@ class Ensemble:
                 self._done.append(chunk)
                 continue
             self._sampler.reset()
-            self._state = self._sampler.run_mcmc(self._state, num_steps)
+            begun = self.num_steps
+            for number, state in enumerate(self._sampler.sample(self._state, iterations=num_steps)):
+                self._state = state
+                if told is not None and number % (num_steps // TELLINGS) == 0:
+                    told(begun + number + 1)
             chain, density = self._sampler.get_chain(), self._sampler.get_log_prob()
             if self._checkpoint is not None:
                 self._checkpoint.save(len(self._done), chain, density, self._state)
