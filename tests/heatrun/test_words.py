@@ -23,7 +23,7 @@ from heatrun.model.network_text import SHIPPED, network_named
 from heatrun.motor.file import load_motor
 from heatrun.readers.joined import read_test
 from heatrun.record.findings import FINDINGS
-from heatrun.record.motor import Certificate
+from heatrun.record.motor import Certificate, Motor
 from heatrun.record.record import Finding, Record
 from heatrun.reports import discovery
 from heatrun.reports.content import LABELS, _named, sheet_content
@@ -515,6 +515,22 @@ def test_titles_labels_heads_and_captions_of_reports_are_in_the_table(kind, tmp_
         assert "pagina 1 di" in text
         assert "senza traduzione" not in " ".join(text.split())
     assert said["remark"] == ""
+
+
+def test_a_report_is_in_the_language_of_the_certificate_and_no_range_of_load_breaks(tmp_path):
+    motor = Motor("Pumpe", certificate=Certificate(language="de"))
+    file, time_s = tmp_path / "Pumpe.csv", np.arange(400)
+    torque = np.repeat([0, 20, 60, 100], 100)
+    lines = ["time_s;speed_rpm;torque_Nm;electrical_power_W"]
+    lines += [f"{t};955,5;{M},0;{125 * M},5" for t, M in zip(time_s, torque, strict=True)]
+    file.write_text("\n".join(lines))
+    (made,) = make_report("energy", motor, [file], tmp_path / "out")
+    text = "".join(page.extract_text() for page in PdfReader(made.pdf).pages)
+    assert "Wirkungsgrad als Motor" in text
+    assert "Text, ';', Dezimalkomma, UTF-8" in text
+    assert "50 … 75 %" in text
+    (made,) = make_report("energy", motor, [file], tmp_path / "out", language="en")
+    assert "decimal comma" in "".join(page.extract_text() for page in PdfReader(made.pdf).pages)
 
 
 @pytest.mark.parametrize("language", LANGUAGES[1:])
