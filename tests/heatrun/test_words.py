@@ -461,6 +461,19 @@ def test_a_finding_that_is_known_is_said_again_sentence_by_sentence(result):
     )
 
 
+@pytest.mark.parametrize("language", LANGUAGES[1:])
+def test_the_workbook_says_in_the_language_where_priors_come_from(result, language):
+    say, model = Texts(language), result.models["second"]
+    entries = [*model.parameters.values(), *model.nuisances.values()]
+    told = [text for one in entries for text in (one.prior_basis, *SENTENCES.split(one.why or ""))]
+    told += [f"{node} temperature at the start" for node in ("winding", "stator", "rotor")]
+    told += ["hardly distinguishable from rotor_node.P (correlation -0.84).",
+             "Extending the last load to 2 h would give ±51.5 % (95 %).",
+             "plausible from 171 to 4.56e+03 s", "plausible from -0.3 to 1.5"]  # fmt: skip
+    assert all(say.again(text) != text for text in told if text)
+    assert not say.unknown
+
+
 def test_a_finding_stands_under_what_it_means_in_the_language(result):
     gap = replace(result, findings=(Finding("time_gap", "warning", "It has a gap."),))
     for language, said in (
