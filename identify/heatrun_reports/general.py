@@ -203,7 +203,7 @@ def _of_balance(record: Record, motor: Motor) -> Iterator[Finding]:
 
 def _power_rows(record: Record, power: Course, covered_s: float) -> tuple[Row, ...]:
     time_s, values = measured(record, power.values)
-    drawn, fed_back = float(values.max()), float(max(-values.min(), 0.0))
+    drawn, fed_back = float(values.max()), max(-float(values.min()), 0.0) + 0.0  # never -0
     mean = integrate(time_s, values).net / covered_s / 1000.0 if covered_s > 0.0 else None
     return (
         Row("mean_power_kW", "Mean power", mean, "kW"),
