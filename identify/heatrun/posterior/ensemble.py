@@ -124,8 +124,8 @@ SHARE_WITH_EVOLUTION = 0.25
 """Share of the former where evolution alone moves the parameters [1]."""
 
 
-TELLINGS = 10
-"""Times that a chunk says how far it is."""
+TOLD_EVERY = 25
+"""Steps from one word of how far it is to the next."""
 
 
 class Ensemble:
@@ -188,7 +188,7 @@ class Ensemble:
         self, num_steps: int, num_chunks: int = 1, told: Callable[[int], None] | None = None
     ) -> None:
         """Go on by chunks of so many steps, or take them from the checkpoint; `told` gets the steps
-        so far, `TELLINGS` times a chunk.
+        so far, every `TOLD_EVERY` of them.
         """
         for _ in range(num_chunks):
             if self._waiting:
@@ -200,7 +200,7 @@ class Ensemble:
             begun = self.num_steps
             for number, state in enumerate(self._sampler.sample(self._state, iterations=num_steps)):
                 self._state = state
-                if told is not None and number % (num_steps // TELLINGS) == 0:
+                if told is not None and number % TOLD_EVERY == 0:
                     told(begun + number + 1)
             chain, density = self._sampler.get_chain(), self._sampler.get_log_prob()
             if self._checkpoint is not None:
