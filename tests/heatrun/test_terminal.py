@@ -91,6 +91,9 @@ def test_a_result_is_told_in_a_dozen_lines_and_the_rest_on_demand(stored):
     slow = replace(second.derived["tau_slow_s"], value=1038.8, interval_95=(1036.31, 1041.22))
     narrow.models["second"] = replace(second, derived=second.derived | {"tau_slow_s": slow})
     assert "and 1038.8 s (1036.3 … 1041.2)" in result_text(narrow).splitlines()[6]
+    fast = replace(second.derived["tau_fast_s"], value=85.7, interval_95=(84.0, 86.2))
+    narrow.models["second"] = replace(second, derived=second.derived | {"tau_fast_s": fast})
+    assert "85.7 s (84.0 … 86.2) and 1820 s (1720 … 1920)" in result_text(narrow).splitlines()[6]
     foreign = ("posterior", "Pareto", "Bayes", "evidence", "MCMC", "ESS")
     assert not any(word in line for word in foreign for line in lines)
     whole = result_text(stored, "runs/demo", verbose=True)

@@ -123,7 +123,8 @@ def result_text(
 def _told_apart(value: float, low: float, high: float) -> tuple[str, ...]:
     """Return a value and its limits to three digits, or five where both limits are one in three."""
     digits = 3 if rounded(low) != rounded(high) else 5
-    return tuple(rounded(one, digits) for one in (value, low, high))
+    texts = (f"{one:#.{digits}g}".rstrip(".") for one in (value, low, high))  # 84.0 and not 84
+    return tuple(rounded(float(text), digits) if "e" in text else text for text in texts)
 
 
 def verdict_lines(result: FitResult) -> list[str]:
