@@ -200,7 +200,7 @@ class Ensemble:
             begun = self.num_steps
             for number, state in enumerate(self._sampler.sample(self._state, iterations=num_steps)):
                 self._state = state
-                if told is not None and number % TOLD_EVERY == 0:
+                if told is not None and (number + 1) % TOLD_EVERY == 0:
                     told(begun + number + 1)
             chain, density = self._sampler.get_chain(), self._sampler.get_log_prob()
             if self._checkpoint is not None:
