@@ -44,10 +44,10 @@ class _Part:
     told_s: float = math.nan  # When the share was told last [s].
 
     def tell(self, now_s: float, share: float) -> None:
-        """Take a share; it never goes back."""
+        """Take a share, a smaller one where more is to be done than was thought; 0 says nothing."""
         if math.isnan(self.begun_s):
             self.begun_s = self.told_s = now_s
-        if share > self.share:
+        if share not in (0.0, self.share):
             self.share, self.told_s = min(share, 1.0), now_s
 
     def left_s(self, now_s: float, slower: float) -> float:
@@ -67,7 +67,8 @@ class Work:
 
     As a context, it tells the time left every `TICK_S` of itself. Parts named by tuples that begin
     alike follow each other, those that begin otherwise go on beside them, and all that are no
-    tuples come after those. Where a part begins, those before it in its row are done.
+    tuples come after those. Where a part begins, those before it in its row are done. Of rows that
+    go on beside each other, the one that takes longest is told about.
 
     Args:
         usual_s: Usual time of each part [s], those of a row in order.
@@ -87,7 +88,8 @@ class Work:
         self._parts = {part: _Part(usual) for part, usual in usual_s.items()}
         self._progress, self._clock, self._is_first = progress, clock, is_first
         self._begun_s = self._told_s = clock()
-        self._sentence, self._share = "", 0.0
+        self._sentences: dict[Hashable, str] = {}
+        self._share = 0.0
         self._lock, self._is_over = threading.Lock(), threading.Event()
 
     def __enter__(self) -> Work:
@@ -103,7 +105,7 @@ class Work:
         with suppress(OSError):  # whoever listened is gone, which the job finds out by itself
             while not self._is_over.wait(TICK_S):
                 with self._lock:
-                    if self._sentence and not self._is_over.is_set():
+                    if self._sentences and not self._is_over.is_set():
                         self._tell()
 
     def at(self, part: Hashable, sentence: str, share: float = 0.0) -> None:
@@ -112,7 +114,7 @@ class Work:
         Args:
             part: The part, one of those named at the start.
             sentence: What is being done, with its units: "refitting 3 of 12 candidates".
-            share: Share of the part that is done [1]; it never goes back.
+            share: Share of the part that is done [1]; 0 where that is not known.
         """
         if self._progress is None:
             return
@@ -123,7 +125,7 @@ class Work:
                     break
                 self._parts[other].tell(now, 1.0)
             self._parts[part].tell(now, share)
-            self._sentence = sentence
+            self._sentences[_row_of(part)] = sentence
             self._tell()
 
     def replan(self, part: Hashable, usual_s: float, sentence: str) -> None:
@@ -141,7 +143,7 @@ class Work:
             self._parts[part] = _Part(usual_s, begun_s=now, told_s=now)
             gone = now - self._begun_s
             self._share = min(self._share, gone / (gone + self.left_s()))
-            self._sentence = sentence
+            self._sentences[_row_of(part)] = sentence
             self._tell()
 
     def done(self, part: Hashable, sentence: str = "") -> None:
@@ -157,7 +159,7 @@ class Work:
             for other in left[:1]:
                 self._parts[other].tell(now, 0.0)
             if sentence:
-                self._sentence = sentence
+                self._sentences[_row_of(part)] = sentence
                 self._tell()
 
     def finish(self) -> None:
@@ -174,6 +176,9 @@ class Work:
 
     def left_s(self) -> float:
         """Return the time that the rest is likely to take [s]."""
+        return _together(self._left_by_row())
+
+    def _left_by_row(self) -> dict[Hashable, float]:
         now = self._clock()
         begun = [part for part in self._parts.values() if not math.isnan(part.begun_s)]
         spent = TRUST_S + sum(part.told_s - part.begun_s for part in begun)
@@ -182,27 +187,26 @@ class Work:
             if part.share == 0.0 and (now - part.begun_s) * usual > part.usual_s * spent:
                 spent, usual = spent + now - part.begun_s, usual + part.usual_s
         slower = spent / usual
-        return self._over_rows(lambda part: part.left_s(now, slower))
+        return self._by_row(lambda part: part.left_s(now, slower))
 
-    def _over_rows(self, time_s: Callable[[_Part], float]) -> float:
-        """Return the time of the longest row and of what comes behind them [s]."""
+    def _by_row(self, time_s: Callable[[_Part], float]) -> dict[Hashable, float]:
         rows: dict[Hashable, float] = {}
         for name, part in self._parts.items():
             row = _row_of(name)
             rows[row] = rows.get(row, 0.0) + time_s(part)
-        behind = rows.pop(None, 0.0)
-        return max(rows.values(), default=0.0) + behind
+        return rows
 
     def _row(self, part: Hashable) -> list[Hashable]:
         return [other for other in self._parts if _row_of(other) == _row_of(part)]
 
     def _tell(self) -> None:
         if self._progress is not None:
-            left, now = self.left_s(), self._clock()
+            rows, now = self._left_by_row(), self._clock()
+            left = _together(rows)
             gone, self._told_s = now - self._told_s, now
             # of what is left, the share that has gone by: a longer estimate slows it, no more
             self._share += (1.0 - self._share) * (gone / (gone + left) if gone > 0.0 else 0.0)
-            usual = self._over_rows(lambda part: part.usual_s)
+            usual = _together(self._by_row(lambda part: part.usual_s))
             is_known = any(part.share == 1.0 for part in self._parts.values())
             if is_known or now - self._begun_s > usual:
                 time_s = f"about {in_words(left)} left"
@@ -210,12 +214,20 @@ class Work:
                 time_s = "the first run compiles its programs, which takes minutes"
             else:  # how fast this machine is with these tests has yet to show
                 time_s = f"usually {in_words(usual)} in all"
-            self._progress(f"{self._sentence}; {time_s}", min(self._share, MOST_BEFORE_DONE))
+            told = {row: 0.0 if row is None else rows[row] or -1.0 for row in self._sentences}
+            sentence = self._sentences[max(told, key=lambda row: told[row])]
+            self._progress(f"{sentence}; {time_s}", min(self._share, MOST_BEFORE_DONE))
 
 
 def _row_of(part: Hashable) -> Hashable:
     """Return what the parts of one row have in common; None for those that come last."""
     return part[0] if isinstance(part, tuple) else None
+
+
+def _together(rows: Mapping[Hashable, float]) -> float:
+    """Return the time of the longest row and of what comes behind them [s]."""
+    beside = [time_s for row, time_s in rows.items() if row is not None]
+    return max(beside, default=0.0) + rows.get(None, 0.0)
 
 
 def in_words(seconds: float) -> str:

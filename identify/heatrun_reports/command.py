@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from heatrun.commands import words
 from heatrun.commands.console import DONE, NOT_ALLOWED, bar, printable, say
-from heatrun.io.texts import LANGUAGES
 
 if TYPE_CHECKING:
     from . import Outcome
@@ -62,10 +61,12 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
         metavar="SECONDS",
         help="clock offset of the reference, instead of its estimate (virtual, real)",
     )
-    parser.add_argument(
-        "--language", choices=LANGUAGES, default="en", help="language of the PDF (default: en)"
+    words.add(
+        parser,
+        "--language: of the PDF",
+        "--out: folder for the reports (default: Reports)",
+        "--json",
     )
-    words.add(parser, "--out: folder for the reports (default: Reports)", "--json")
     return parser
 
 

@@ -46,6 +46,9 @@ LONGEST_VALUE = 28
 BREAKS_EVERY = 40
 """Letters of a long word after which it may break, where it has no sign to break behind."""
 
+SNIFFED = ("text", "blanks", "tab", "decimal comma")
+"""Words of a reader that are said in each language."""
+
 SMALLEST_PLAIN, LARGEST_PLAIN = 1e-3, 1e6
 """Numbers outside have three digits; far outside, a power of ten."""
 
@@ -70,7 +73,8 @@ def document_content(
 ) -> dict[str, Any]:
     """Return the texts of the PDF, each cell as it is printed; as `write_pdf`."""
     day, basis = content.get("date"), say.again(content.get("date_from") or "")
-    sources = [f"{s.path} · SHA-256 {s.sha256[:16]}… · {s.reader}" for s in report.sources]
+    sources = [f"{s.path} · SHA-256 {s.sha256[:16]}… · {_read_as(s.reader, say)}"
+               for s in report.sources]  # fmt: skip
     findings = [(say(f.severity), *told(f, say)) for f in ranked(report.findings)]
     said = {
         "version": f"heatrun {version('heatrun')}",
@@ -93,6 +97,12 @@ def document_content(
     is_whole = say.is_whole and all(is_said for *_, is_said in findings)
     said["remark"] = "" if is_whole else say("rest_in_english")
     return _printed(said, [source.path for source in report.sources])
+
+
+def _read_as(reader: str, say: Texts) -> str:
+    """Return what a reader sniffed, its words in the language; names of formats stay."""
+    words = reader.split(", ")
+    return ", ".join(say.again(word) if word in SNIFFED else word for word in words)
 
 
 def _printed(value: Any, paths: Sequence[str]) -> Any:

@@ -34,10 +34,11 @@ from .analysis.general_information import (
     INTEGRATION,
     J_PER_KWH,
     GeneralInformation,
+    figures_of,
     general_information,
 )
-from .plot import courses, energy_course, plane, unit, wording
-from .report import CARDS, NOT_OF_THE_MACHINE, Column, Drawing, Line, Report, Row, Table
+from .plot import courses, energy_course, plane, wording
+from .report import CARDS, NOT_OF_THE_MACHINE, Column, Drawing, Line, Report, Row, Table, unit
 
 WORTH_SAYING = 0.01
 """Reduction by regeneration [%] below which it is the noise of a meter around no power."""
@@ -98,13 +99,13 @@ def _information_rows(found: GeneralInformation) -> tuple[Row, ...]:
     why = {name: f"undefined: {reason}" for name, reason in found.undefined.items()}
     return tuple(
         Row(one.name, one.label, getattr(found, one.name), one.unit, why.get(one.name, ""))
-        for one in found.figures
+        for one in figures_of([found])
     )
 
 
 def _definitions(found: GeneralInformation) -> tuple[tuple[str, str], ...]:
     """Return what the figures mean, and which channels they were taken from."""
-    figures = ((one.label, one.definition) for one in found.figures)
+    figures = ((one.label, one.definition) for one in figures_of([found]))
     sources = (("Taken from", formula) for formula in found.formulas)
     return (*figures, ("Integration", INTEGRATION), *sources)
 
@@ -202,7 +203,7 @@ def _of_balance(record: Record, motor: Motor) -> Iterator[Finding]:
 
 def _power_rows(record: Record, power: Course, covered_s: float) -> tuple[Row, ...]:
     time_s, values = measured(record, power.values)
-    drawn, fed_back = float(values.max()), float(max(-values.min(), 0.0))
+    drawn, fed_back = float(values.max()), max(-float(values.min()), 0.0) + 0.0  # never -0
     mean = integrate(time_s, values).net / covered_s / 1000.0 if covered_s > 0.0 else None
     return (
         Row("mean_power_kW", "Mean power", mean, "kW"),

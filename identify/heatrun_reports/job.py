@@ -67,7 +67,7 @@ def make_report(
     tolerances: Mapping[str, float] | None = None,
     *,
     offset_s: float | None = None,
-    language: str = LANGUAGES[0],
+    language: str = "",
     say: Callable[[str], None] | None = None,
     progress: Progress | None = None,
 ) -> list[Outcome]:
@@ -86,7 +86,8 @@ def make_report(
         reference: File of the other prototype, for `"virtual"` and `"real"`.
         tolerances: As `build_report`.
         offset_s: As `build_report`.
-        language: Of the PDF, one of `heatrun.io.texts.LANGUAGES`.
+        language: Of the PDF, one of `heatrun.io.texts.LANGUAGES`; empty for that of the motor's
+            certificate, or English.
         say: Told a sentence about each test that is begun.
         progress: Called with a sentence and the share of the reports that are written.
 
@@ -98,6 +99,7 @@ def make_report(
         UsageError: If something is given that the test type does not take, or lacks.
     """
     check_use(kind, run, reference is not None, tolerances, offset_s)
+    language = _language(language, motor)
     other = None if reference is None else read_reference(reference, motor)
     if run is not None:
         open_run(run)  # what is wrong with it is wrong for every test, and said once
@@ -127,7 +129,8 @@ def make_report(
                         offset_s=offset_s,
                     )  # fmt: skip
                     settled = [*filter(None, [record.stretch]), *settings]
-                    outcomes.append(_written(name, report, when, out, settled, language))
+                    made = _written(report.test, report, when, out, settled, language)
+                    outcomes.append(replace(made, test=name))
             except InputError as error:
                 outcomes.append(Outcome(name, error=error))
             work.done(number)
@@ -142,10 +145,10 @@ def make_prototypes_report(
     *,
     run: Path | None = None,
     tolerances: Mapping[str, float] | None = None,
-    language: str = LANGUAGES[0],
+    language: str = "",
     say: Callable[[str], None] | None = None,
 ) -> Outcome:
-    """Write the report on several prototypes, called after the date of the one whose clock is kept.
+    """Write the report on several prototypes, called after the one whose clock is kept.
 
     Args:
         motor: The machine.
@@ -163,6 +166,7 @@ def make_prototypes_report(
     """
     if say is not None:
         say(f"prototypes report of {', '.join(role for role, _ in roles)}")
+    language = _language(language, motor)
     prototypes = read_prototypes(roles, motor)
     report = prototypes_report(motor, prototypes, run=run, tolerances=tolerances)
     base = base_of(prototypes)
@@ -171,7 +175,11 @@ def make_prototypes_report(
         out.mkdir(parents=True, exist_ok=True)
     parts = [p.record.stretch for p in prototypes if p.record.stretch]
     settings = [*parts, *_settings(run, tolerances, None, language)]
-    return _written(report.test, report, when, out, settings, language)
+    return _written(base.record.name, report, when, out, settings, language)
+
+
+def _language(asked: str, motor: Motor) -> str:
+    return asked or (motor.certificate.language or LANGUAGES[0])
 
 
 def _settings(
@@ -192,7 +200,7 @@ def _written(
     settings: Sequence[str],
     language: str,
 ) -> Outcome:
-    """Write a report as PDF, CSV and JSON, all or none.
+    """Write a report as PDF, CSV and JSON, all or none, called after a test.
 
     Raises:
         InputError: If a file behind it has changed, or the folder cannot be written.
@@ -203,8 +211,7 @@ def _written(
     content = report_content(report, when)
 
     def chosen() -> str:
-        of_one = report.test if report.kind != "prototypes" else ""
-        return set_name(choose_name(out, report.kind, when, identity, of_one), identity)
+        return set_name(choose_name(out, report.kind, when, identity, test), identity)
 
     with writable("the report", out), together(out, chosen) as files:
         name = files.name.partition(".")[0]
@@ -213,7 +220,7 @@ def _written(
         write_whole(files.aside / f"{name}.csv", csv_table(report).encode("utf-8-sig"))
         write_whole(files.aside / f"{name}.json", (to_json(content) + "\n").encode())
     pdf, table, text = (out / f"{name}{end}" for end in (".pdf", ".csv", ".json"))
-    return Outcome(test, pdf, table, text, report, content)
+    return Outcome(report.test, pdf, table, text, report, content)
 
 
 def build_report(
@@ -283,7 +290,7 @@ def check_use(
             "virtual and real."
         )
     if run is not None and kind not in ("thermal", "virtual"):
-        raise UsageError(f"a {kind} report takes no --run; thermal and virtual do.")
+        raise UsageError(f"--type {kind} takes no --run; thermal and virtual do.")
     if run is not None and has_reference:
         raise UsageError("give either --reference or --run: both would be the virtual prototype.")
     if takes_reference and not has_reference and run is None:

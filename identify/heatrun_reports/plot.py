@@ -16,6 +16,7 @@ from heatrun.reports.figures import GAP_IN, plain, stack
 from .analysis.drive import OperatingMap, bridged_steps, electrical_power, measured, with_powers
 from .analysis.pair import Pair
 from .analysis.validation import SignalComparison
+from .report import unit
 from .simulated import Limits
 
 CYCLE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#222222", "#999933")
@@ -114,14 +115,6 @@ def _num_columns(labels: Sequence[str]) -> int:
     """So many columns of a legend as fit over a panel; each is as wide as its longest label."""
     longest = max(len(label) for label in labels) + MARK_CHARACTERS
     return max(1, min(4, len(labels), LEGEND_CHARACTERS // longest))
-
-
-def unit(channel: str, *, is_difference: bool = False) -> str:
-    """Return the unit of a channel as it is printed."""
-    symbol = CHANNEL[channel].unit
-    if symbol == "degC":
-        return "K" if is_difference else "°C"
-    return "N m" if symbol == "Nm" else symbol
 
 
 def wording(channel: str) -> str:

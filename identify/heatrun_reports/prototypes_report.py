@@ -17,9 +17,9 @@ from heatrun.reports.figures import plain
 from heatrun.reports.printed import signed
 
 from .analysis.drive import with_powers
-from .analysis.general_information import FIGURES
+from .analysis.general_information import figures_of
 from .analysis.validation import PERCENT, RULE, VERDICTS, SignalComparison, place
-from .plot import CYCLE, band, finish, line, stacked, unit, with_differences, with_gaps, wording
+from .plot import CYCLE, band, finish, line, stacked, with_differences, with_gaps, wording
 from .prototypes import (
     Compared,
     Confrontation,
@@ -29,9 +29,9 @@ from .prototypes import (
     is_virtual,
     judge_network,
 )
-from .report import Column, Drawing, Line, Report, Row, Table
+from .report import Column, Drawing, Line, Report, Row, Table, unit
 from .simulated import before, fitted_by, same_file, simulated_as
-from .validation_report import disagreement, figure_cells, lower
+from .validation_report import disagreement, figure_cells, lower, named
 
 DECIDED = {"uncertainty": "instruments", "given": "--tolerance"}
 """What decided a tolerance, where the word of the column is another one."""
@@ -177,7 +177,7 @@ def _line(pair: Compared, signal: SignalComparison) -> Line:
 def _information(found: Confrontation) -> Table:
     columns = tuple(Column(p.role) for p in found.prototypes)
     lines = []
-    for name, label, symbol, *_ in FIGURES:
+    for name, label, symbol, *_ in figures_of(filter(None, found.information.values())):
         values, reasons = [], []
         for prototype in found.prototypes:
             info = found.information[prototype.role]
@@ -194,7 +194,9 @@ def _figures(found: Confrontation) -> Table:
         for pair in found.pairs
         for one in pair.validation.figures
     ]
-    return Table("Energy, distance and consumption, pair by pair", FIGURE_COLUMNS, tuple(lines))
+    all_figures = (one for pair in found.pairs for one in pair.validation.figures)
+    title = f"{named(all_figures)}, pair by pair"
+    return Table(title, FIGURE_COLUMNS, tuple(lines))
 
 
 def _networks(found: Confrontation) -> Table:
@@ -226,7 +228,7 @@ DEFINITIONS = (
     ("Decided by", "rise, magnitude: the share of it; instruments: the combined uncertainty, which "
                    "is the larger limit; --tolerance: as given there."),
     *((verdict.capitalize(), text) for verdict, text in VERDICTS.items()),
-    ("Figures", f"Energy, distance and consumption agree within {PERCENT} of the earlier one's."),
+    ("Figures", f"Figures such as the energy agree within {PERCENT} of the earlier one's."),
 )  # fmt: skip
 
 NETWORK = (

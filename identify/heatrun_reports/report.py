@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from heatrun.model.network_form import NetworkForm
-from heatrun.record.channels import CHANNELS
+from heatrun.record.channels import CHANNEL, CHANNELS
 from heatrun.record.record import Finding, Source
 
 if TYPE_CHECKING:
@@ -134,6 +134,14 @@ def flow_words(form: NetworkForm) -> dict[tuple[str, str], tuple[str, str]]:
 def unnamed(link: tuple[str, str]) -> tuple[str, str]:
     """Return what stands for symbol and words of a flow that has no symbol of its own."""
     return " to ".join(link), "heat flow"
+
+
+def unit(channel: str, *, is_difference: bool = False) -> str:
+    """Return the unit of a channel as it is printed."""
+    symbol = CHANNEL[channel].unit
+    if symbol == "degC":
+        return "K" if is_difference else "°C"
+    return "N m" if symbol == "Nm" else symbol
 
 
 Cell = float | str | None

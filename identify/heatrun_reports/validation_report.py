@@ -1,7 +1,7 @@
 """Validation reports: the bench beside a virtual model, or beside the real prototype."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -18,8 +18,8 @@ from .analysis.validation import (
     Validation,
     validate,
 )
-from .plot import overlay, unit, wording
-from .report import Column, Drawing, Line, Report, Row, Table
+from .plot import overlay, wording
+from .report import Column, Drawing, Line, Report, Row, Table, unit
 from .simulated import Reference, before, fitted_by, same_file, simulated_as
 
 DIFFERENCE_COLUMNS = (
@@ -135,10 +135,16 @@ def _rows(found: Validation, reference: Reference) -> tuple[Row, ...]:
         Row("num_agree", "Signals that agree",
             float(sum(s.verdict == "agrees" for s in found.judged)), ""),
         Row("num_figures_judged", "Figures judged", float(len(found.judged_figures)), "",
-            "energy, distance, consumption"),
+            lower(named(found.figures)).replace(" and ", ", ")),
         Row("num_figures_agree", "Figures that agree",
             float(sum(f.verdict == "agrees" for f in found.judged_figures)), ""),
     )  # fmt: skip
+
+
+def named(figures: Iterable[FigureComparison]) -> str:
+    """Return what figures are of: of a vehicle also distance and consumption."""
+    is_of_vehicle = any(not one.name.startswith("energy") for one in figures)
+    return "Energy, distance and consumption" if is_of_vehicle else "Energy"
 
 
 def _tables(found: Validation) -> tuple[Table, ...]:
@@ -148,7 +154,7 @@ def _tables(found: Validation) -> tuple[Table, ...]:
         tuple(_line(signal) for signal in _evidence_first(found)),
     )
     figures = Table(
-        "Energy, distance and consumption over the time in common",
+        f"{named(found.figures)} over the time in common",
         FIGURE_COLUMNS,
         tuple(_figure_line(figure) for figure in found.figures),
         f"Tolerances: {PERCENT} of the reference's figure, unless given.",

@@ -16,6 +16,7 @@ from heatrun.readers.joined import over_gaps
 from heatrun.readers.mapping import HEAD, describe_columns, grouped
 from heatrun.record.motor import Motor, PartsOfTest
 from heatrun.record.record import Finding, Record
+from heatrun.record.samples import needed_channels
 
 from .store import NOTHING, Opened, RecordStore, Stamp
 from .words import findings_html, message, problem, table
@@ -128,6 +129,18 @@ class Reader:
         with opening_by(self.opener):
             paths = [self.path(name) for name in names]
             return [replace(survey(path), test=str(path)) for path in paths]
+
+    def lacking(self, names: Sequence[str], motor_name: str) -> list[str]:
+        """Return the channels that a fit needs and that tests have not by a motor file.
+
+        Raises:
+            InputError: If one, or the motor file, cannot be read.
+        """
+        with opening_by(self.opener):
+            motor, paths = self.motor(motor_name), [self.path(name) for name in names]
+            records = [self._open(path, motor, Stamp.of(path)).record for path in paths]
+        lacked = (c for r in records for c in needed_channels(r, motor) if c not in r)
+        return list(dict.fromkeys(lacked))
 
     def motor(self, name: str) -> Motor:
         """Return the machine of a motor file as the page lists it.

@@ -8,7 +8,9 @@ import pytest
 from heatrun.errors import InputError
 from heatrun.motor.file import parse_motor
 from heatrun_view.motor_text import fault_html, file_of_text, has_mixed_ends, line_of, text_of_file
-from heatrun_view.tabs.editing import Editing
+from heatrun_view.reading import Reader
+from heatrun_view.store import RecordStore
+from heatrun_view.tabs.editing import Editing, Start
 
 # The page runs on Panel 1.6 too, which knows only the names that 2.0 will drop.
 pytestmark = pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")
@@ -206,3 +208,27 @@ def test_a_file_that_is_no_text_is_not_shown(page):
     editor.choose()
     assert editor._form.visible
     assert "Expected" not in editor._head.object
+
+
+def test_the_start_leads_to_another_motor_file_where_the_chosen_one_describes_other_tests(tmp_path):
+    rows = [f"{t},{20 + 0.1 * t:.1f},20,{10 * (t > 5)},{300 * (t > 5)}" for t in range(100)]
+    (tmp_path / "run.csv").write_text("\n".join(["t [s],TC1,TC2,I [A],P [W]", *rows]))
+    motor = tmp_path / "motor.toml"
+    motor.write_text('[motor]\nname = "other"\n[columns]\nwinding_degC = "Wicklung [degC]"\n')
+    reader = Reader(tmp_path.joinpath, RecordStore(), lambda path: path.open("rb"))
+    start = Start(reader, tmp_path, lambda _: None, lambda: None)
+    start.offer(["run.csv"], "motor.toml")
+    assert "motor.toml does not describe these tests." in start._tests.object  # it cannot be read
+    assert start._form.visible
+    assert not start._fit.visible
+    motor.write_text('[motor]\nname = "other"\n')
+    start.offer(["run.csv"], "motor.toml")
+    assert "It leaves out losses_W, ambient_degC, winding_degC." in start._tests.object
+    assert start._form.visible
+    columns = ["phase_current_A = 'I [A]'", "losses_W = 'P [W]'", "ambient_degC = 'TC2 [degC]'",
+               "winding_degC = 'TC1 [degC]'"]  # fmt: skip
+    motor.write_text("\n".join(["[motor]", 'name = "this"', "[columns]", *columns]))
+    start.offer(["run.csv"], "motor.toml")  # mended meanwhile
+    assert "motor.toml describes both" in start._said.object
+    assert start._fit.visible
+    assert not start._form.visible

@@ -117,6 +117,9 @@ def test_an_industrial_motor_needs_no_gear_for_energy_and_efficiency():
     assert "shaft_in_kWh" not in rows
     assert rows["mean_power_kW"].value == pytest.approx(6.5, rel=5e-3)
     assert rows["largest_power_kW"].value == 12.5
+    assert str(rows["largest_fed_back_kW"].value) == "0.0"
+    idle = build_report("energy", PUMP, changed(LOADED, electrical_power_W=LOADED["torque_Nm"]))
+    assert [str(r.value) for r in idle.rows if r.name == "largest_fed_back_kW"] == ["0.0"]
     assert rows["efficiency_motor_percent"].value == pytest.approx(80.0, rel=1e-3)
     assert "efficiency 80 % as a motor" in report.summary
     assert rows["efficiency_generator_percent"].note == "undefined: never ran as a generator"

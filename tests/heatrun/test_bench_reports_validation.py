@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from heatrun.errors import InputError, UsageError
+from heatrun.io.texts import Texts
 from heatrun.motor.file import load_motor
 from heatrun.readers.read import read_record
 from heatrun.record.motor import Motor, ParameterOverride
@@ -20,6 +21,7 @@ from heatrun_reports import Reference, build_report, read_reference
 from heatrun_reports.analysis.general_information import parse_tolerances
 from heatrun_reports.analysis.pair import pair_records
 from heatrun_reports.analysis.validation import Validation, validate
+from heatrun_reports.validation_report import validation_report
 
 PROTOTYPES = Path(__file__).parents[2] / "data" / "synthetic" / "prototypes"
 MOTOR = Motor("reference", phase_resistance_ohm=0.0062)
@@ -267,6 +269,25 @@ def of(found: Validation, channel: str):
 
 def figure(found: Validation, name: str):
     return next(f for f in found.figures if f.name == name)
+
+
+def test_without_a_vehicle_energies_are_compared_and_no_distance_is_named():
+    pumps = []
+    for name in ("a", "b"):
+        channels = dict(drive(name).channels)
+        del channels["vehicle_speed_km_per_h"]
+        pumps.append(Record(name, channels))
+    report = validation_report("real", Motor("pump"), pumps[0], Reference(pumps[1]), offset_s=0.0)
+    assert [one.name for one in report.result.figures] == [
+        "energy_kWh", "energy_without_regeneration_kWh"
+    ]  # fmt: skip
+    notes = {row.name: row.note for row in report.rows}
+    assert notes["num_figures_judged"] == "energy"
+    titles = [table.title for table in report.tables]
+    assert titles == ["Signal by signal", "Energy over the time in common"]
+    for language in ("de", "it"):
+        say = Texts(language)
+        assert all(say.again(title) != title for title in titles)
 
 
 def test_a_large_rise_is_judged_by_its_share():

@@ -123,8 +123,13 @@ def described(posterior):
 def test_sheet_and_certificate_state_it(described):
     for language in ("de", "it"):
         say = Texts(language)
-        lines = [_budget(line, say) for line in parameter_lines(described, say)]
-        assert [line[0] for line in lines] == [*NAMES, "Rs0"]
+        told = _budget(parameter_lines(described, say), say)
+        assert [row[0] for row in told["rows"]] == [*NAMES, "Rs0"]
+        for row in told["rows"]:  # each source is named once, and the shares make up the whole
+            assert len(row) == len(told["head"])
+            assert sum(float(share.removesuffix(" %")) for share in row[3:]) == pytest.approx(
+                100.0, abs=3.0
+            )
         assert not say.unknown
     result = from_json(STORED.read_bytes(), FitResult, "fit.json", str(STORED))
     root = ElementTree.fromstring(dcc_text(replace(result, models={"second": described}), STATED))

@@ -104,7 +104,26 @@ def test_identified_parameters_can_be_used(result):
     said = headline(result)
     assert said.use == "usable"
     assert said.sentence.startswith("Second order. All 4 parameters are identified")
-    assert "Rs0 is that of the motor file: these tests do not measure it." in said.reasons
+    page = certificate_content(result, Certificate())  # said once, in the table
+    assert {row[0]: row[3] for row in page["parameters"]}["Rs0"].startswith("of the motor file")
+    assert not any("Rs0" in reason for reason in said.reasons)
+
+
+def test_page_1_tells_the_worst_of_several_tests(result):
+    model = result.models["second"]
+    fitted = next(row for row in model.residuals if row.role == "calibration")
+    more = replace(fitted, test="other", rmse_K=0.25, max_K=0.3, coverage_95=0.93)
+    several = with_second(result, residuals=(*model.residuals, more))
+    told = [reason for reason in headline(several).reasons if reason.startswith("Fitted")]
+    assert told == [
+        "Fitted test other, the worst of 2: RMSE 0.25 K, maximum error 0.4 K, 93 % of the readings "
+        "in the 95 % band."
+    ]
+    for language, words in (("de", "die schlechteste von 2"), ("it", "la peggiore di 2")):
+        say = Texts(language)
+        assert any(words in each for each in
+                   certificate_content(several, Certificate(), say)["reasons"])  # fmt: skip
+        assert not say.unknown
 
 
 def test_what_is_not_identifiable_is_not_to_be_used(result):

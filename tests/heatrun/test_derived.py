@@ -253,11 +253,17 @@ def test_losses_in_watt_under_a_header_of_kilowatt(tmp_path):
     assert "in W under a unit of kW" in finding.message
 
 
-def test_speed_in_radians_beside_the_mechanical_power(tmp_path):
-    columns = PLAIN | {"torque_Nm": TORQUE_NM, "mechanical_power_W": POWER_AT_SHAFT_W}
-    columns["speed_rpm"] = SPEED_RPM * 2.0 * np.pi / 60.0
+@pytest.mark.parametrize(("unit", "in_rpm"), [("rad/s", 30.0 / np.pi), ("rev/s", 60.0)])
+@pytest.mark.parametrize(
+    "others",
+    [{"mechanical_power_W": POWER_AT_SHAFT_W}, {"electrical_power_W": POWER_AT_SHAFT_W + LOSSES_W}],
+)
+def test_the_speed_in_another_unit_beside_torque_and_power(tmp_path, unit, in_rpm, others):
+    columns = {**PLAIN, "torque_Nm": TORQUE_NM, **others}
+    columns["speed"] = columns.pop("speed_rpm") / in_rpm
     (finding,) = found(tmp_path, columns)
-    assert "the speed is in rad/s, read as rpm" in finding.message
+    told = f"They agree if the speed was in {unit} (read as rpm, assumed, no unit given)."
+    assert told in finding.message
 
 
 def test_losses_may_differ_by_what_an_error_of_the_shaft_makes_of_them(tmp_path):

@@ -241,6 +241,18 @@ def test_few_of_the_worksheets_names_are_not_taken_for_it(tmp_path, table):
     assert {one.channel for one in survey(tmp_path / "short.csv").recognised} == {"time_s"}
 
 
+def test_of_many_recognised_columns_none_is_cut(tmp_path):
+    heads = "Zeit [s];Wicklungstemperatur [°C];Gehäuse [°C];Raumtemperatur [°C];Strangstrom [A];"
+    heads = f"{heads}Wirkleistung [kW];Drehmoment [Nm];Drehzahl [1/min]".split(";")
+    path = tmp_path / "lang.csv"
+    rows = [";".join(f"{k + i}" for i in range(len(heads))) for k in range(50)]
+    path.write_text("\n".join([";".join(heads), *rows]))
+    (line,) = (x for x in draft("m", [survey(path)]).splitlines() if "Recognised" in x)
+    assert "…" not in line
+    assert line.endswith(", and 6 more")  # with the losses that follow
+    assert len(line) <= 160
+
+
 def test_a_file_name_with_control_characters_leaves_a_draft_that_loads():
     column = FreeColumn("R", "Ω", 0.1, 0.2, 100)
     made = draft("motor", [Survey("a\x1fb.csv", "text", (), {}, (column,))])

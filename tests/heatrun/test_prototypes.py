@@ -19,7 +19,7 @@ from heatrun.motor.file import load_motor
 from heatrun.readers.read import read_record
 from heatrun.record.motor import Motor
 from heatrun.record.record import Record, Source
-from heatrun_reports import Reference, build_report, read_reference
+from heatrun_reports import Reference, build_report, make_prototypes_report, read_reference
 from heatrun_reports.prototypes import Prototype, confront, parse_roles, read_prototypes
 from heatrun_reports.prototypes_report import prototypes_report
 
@@ -357,6 +357,20 @@ def test_a_run_stands_for_the_virtual_prototype_on_the_clock_of_what_drove_it(ma
     assert offset.sd_s == pairs["semi-real − real"].pair.offset.sd_s > 0.0
     (winding,) = pairs["real − virtual"].judged
     assert winding.bias == pytest.approx(HIGH_K, abs=0.6)
+
+
+def test_without_a_vehicle_the_report_is_called_after_the_test_and_names_no_distance(
+    machine, tmp_path
+):
+    run, test, _ = machine
+    path = tmp_path / "Pumpe 4 warm.csv"
+    table = np.stack(list(test.channels.values()), 1)
+    np.savetxt(path, table, delimiter=",", comments="", header=",".join(test.channels))
+    roles = [("real", path), ("virtual", run)]
+    made = make_prototypes_report(REFERENCE, roles, tmp_path / "out")
+    assert made.pdf.name == "PrototypesComparison_Pumpe_4_warm.pdf"
+    (information,) = (t for t in made.report.tables if t.title.startswith("General Information"))
+    assert [line.name for line in information.lines] == ["Energy", "Energy without regeneration"]
 
 
 def simulated(path: Path, record: Record) -> Path:

@@ -112,7 +112,7 @@ def test_the_workbook_holds_the_budgets(folder, found):
     (model,) = found.result.models.values()
     rows = [*openpyxl.load_workbook(folder / "sheet.xlsx", data_only=True)["Budget"].values]
     entries = [entry for entry in model.parameters.values() if not entry.fixed]
-    assert len(json.loads((folder / "sheet.json").read_text())["budget"]) == len(entries)
+    assert len(json.loads((folder / "sheet.json").read_text())["budget"]["rows"]) == len(entries)
     for entry in entries:
         title, _, *own = rows[: len(entry.budget) + 4]
         rows = rows[len(entry.budget) + 5 :]

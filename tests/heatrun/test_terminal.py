@@ -72,7 +72,7 @@ def test_compare_into_a_folder_says_how_the_two_networks_compare(stored, monkeyp
     assert chance in said
     assert rmse in said
     assert said.startswith("USABLE")
-    assert said.endswith("Sheet: out\n")
+    assert "\nSheet: out; with -v: " in said
     assert cli.main(["calibrate", *words]) == 0
     assert rmse not in capsys.readouterr().out
 
@@ -91,6 +91,9 @@ def test_a_result_is_told_in_a_dozen_lines_and_the_rest_on_demand(stored):
     slow = replace(second.derived["tau_slow_s"], value=1038.8, interval_95=(1036.31, 1041.22))
     narrow.models["second"] = replace(second, derived=second.derived | {"tau_slow_s": slow})
     assert "and 1038.8 s (1036.3 … 1041.2)" in result_text(narrow).splitlines()[6]
+    fast = replace(second.derived["tau_fast_s"], value=85.7, interval_95=(84.0, 86.2))
+    narrow.models["second"] = replace(second, derived=second.derived | {"tau_fast_s": fast})
+    assert "85.7 s (84.0 … 86.2) and 1820 s (1720 … 1920)" in result_text(narrow).splitlines()[6]
     foreign = ("posterior", "Pareto", "Bayes", "evidence", "MCMC", "ESS")
     assert not any(word in line for word in foreign for line in lines)
     whole = result_text(stored, "runs/demo", verbose=True)
@@ -98,16 +101,44 @@ def test_a_result_is_told_in_a_dozen_lines_and_the_rest_on_demand(stored):
     assert all(finding.id in whole for finding in stored.findings)
 
 
-def test_each_effect_has_one_line(stored):
+def with_effects(stored, **more):
     second = stored.models["second"]
     one = replace(second.parameters["Req_w"], unit="1", value=1.4, sd=0.06,
                   interval_95=(1.28, 1.52), meaning="the gain")  # fmt: skip
-    of_effects = {"speed_cooling.g": one, "speed_cooling.m": one, "sensor_lag.tau": one}
-    model = replace(second, parameters={**second.parameters, **of_effects})
-    lines = result_text(replace(stored, models={"second": model})).splitlines()
-    assert "  speed_cooling: g 1.40 ± 0.12 (the gain), m 1.40 ± 0.12 (the gain)" in lines
-    assert "  sensor_lag: tau 1.40 ± 0.12 (the gain)" in lines
-    assert len(lines) == len(result_text(stored).splitlines()) + 2
+    names = ("speed_cooling.g", "speed_cooling.m", "sensor_lag.tau", "radiation.e")
+    of_effects = dict.fromkeys(names, one)
+    model = replace(second, parameters={**second.parameters, **of_effects, **more})
+    return replace(stored, models={"second": model})
+
+
+def test_all_effects_have_one_line(stored):
+    lines = result_text(with_effects(stored)).splitlines()
+    assert (
+        "  speed_cooling: g 1.40 ± 0.12 (the gain), m 1.40 ± 0.12 (the gain); "
+        "sensor_lag: tau 1.40 ± 0.12 (the gain); radiation: e 1.40 ± 0.12 (the gain)"
+    ) in lines
+    assert len(lines) == len(result_text(stored).splitlines()) + 1
+
+
+def test_there_are_never_more_than_twelve_lines(stored):
+    """Nine bodies, three effects and a rating, of doubtful tests; the network lacks something."""
+    entry = stored.models["second"].parameters["Ceq_w"]
+    more = {f"{kind}_{number}": entry for kind in ("Ceq", "Req") for number in range(7)}
+    told = with_effects(stored, **more)
+    units = [Finding("unit_suspected", "warning", "Huge.", test, "State it.", test)
+             for test in ("a", "b")]  # fmt: skip
+    findings = (Finding("misfit", "warning", "Too slow.", "a", remedy="Add."), *units)
+    lines = result_text(replace(told, findings=findings), sheet="run/sheet.pdf").splitlines()
+    assert len(lines) == 12
+    assert "In doubt about a: " in lines[1]
+    assert "In doubt about b: " in lines[1]
+    assert "The network lacks something" in lines[1]
+    text = "\n".join(lines)
+    assert all(f"{name} 664 ± 15 J/K identified" in text for name in more), text
+    assert lines[-2] == "Next: State it."
+    assert lines[-1].startswith(
+        "Sheet: run/sheet.pdf; with -v: warnings (misfit, unit_suspected), "
+    )
 
 
 def test_what_decides_a_verdict_is_never_hidden_and_comes_next(stored):
@@ -121,7 +152,7 @@ def test_what_decides_a_verdict_is_never_hidden_and_comes_next(stored):
     lines = said(misfit, unit)
     assert lines[0].startswith("RESTRICTED: ")
     assert "In doubt about step: a column may be in another unit" in lines[1]
-    assert "The network lacks something that the tests show" in lines[2]
+    assert "The network lacks something that the tests show" in lines[1]
     assert "Next: State the unit." in lines  # of two findings that of the inputs
     assert "warnings (misfit, unit_suspected)" in lines[-1]
     simulated = replace(unit, id="simulated_by_heatrun", remedy="Measure.")

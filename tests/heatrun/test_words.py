@@ -23,7 +23,7 @@ from heatrun.model.network_text import SHIPPED, network_named
 from heatrun.motor.file import load_motor
 from heatrun.readers.joined import read_test
 from heatrun.record.findings import FINDINGS
-from heatrun.record.motor import Certificate
+from heatrun.record.motor import Certificate, Motor
 from heatrun.record.record import Finding, Record
 from heatrun.reports import discovery
 from heatrun.reports.content import LABELS, _named, sheet_content
@@ -461,6 +461,35 @@ def test_a_finding_that_is_known_is_said_again_sentence_by_sentence(result):
     )
 
 
+@pytest.mark.parametrize("language", LANGUAGES[1:])
+def test_what_small_effects_would_move_is_said_in_the_language(language):
+    say = Texts(language)
+    told = say.sentences(
+        "the residuals of the second-order network hold more than noise (p < 4.1e-05, the share of "
+        "clean records that would look so), too little for a name. The 95 % intervals allow for "
+        "radiation (50 %), cooling_step in a (26 %). With them, on the mean: Req_sr 13 % higher, "
+        "Ceq_w 5.2 % lower."
+    )
+    assert told is not None
+    assert "Req_sr 13 % " in told
+    assert "Ceq_w 5,2 % " in told
+    assert not re.search(r"\b(higher|lower|the|with)\b", told)
+    assert not say.unknown
+
+
+@pytest.mark.parametrize("language", LANGUAGES[1:])
+def test_the_workbook_says_in_the_language_where_priors_come_from(result, language):
+    say, model = Texts(language), result.models["second"]
+    entries = [*model.parameters.values(), *model.nuisances.values()]
+    told = [text for one in entries for text in (one.prior_basis, *SENTENCES.split(one.why or ""))]
+    told += [f"{node} temperature at the start" for node in ("winding", "stator", "rotor")]
+    told += ["hardly distinguishable from rotor_node.P (correlation -0.84).",
+             "Extending the last load to 2 h would give ±51.5 % (95 %).",
+             "plausible from 171 to 4.56e+03 s", "plausible from -0.3 to 1.5"]  # fmt: skip
+    assert all(say.again(text) != text for text in told if text)
+    assert not say.unknown
+
+
 def test_a_finding_stands_under_what_it_means_in_the_language(result):
     gap = replace(result, findings=(Finding("time_gap", "warning", "It has a gap."),))
     for language, said in (
@@ -515,6 +544,22 @@ def test_titles_labels_heads_and_captions_of_reports_are_in_the_table(kind, tmp_
         assert "pagina 1 di" in text
         assert "senza traduzione" not in " ".join(text.split())
     assert said["remark"] == ""
+
+
+def test_a_report_is_in_the_language_of_the_certificate_and_no_range_of_load_breaks(tmp_path):
+    motor = Motor("Pumpe", certificate=Certificate(language="de"))
+    file, time_s = tmp_path / "Pumpe.csv", np.arange(400)
+    torque = np.repeat([0, 20, 60, 100], 100)
+    lines = ["time_s;speed_rpm;torque_Nm;electrical_power_W"]
+    lines += [f"{t};955,5;{M},0;{125 * M},5" for t, M in zip(time_s, torque, strict=True)]
+    file.write_text("\n".join(lines))
+    (made,) = make_report("energy", motor, [file], tmp_path / "out")
+    text = "".join(page.extract_text() for page in PdfReader(made.pdf).pages)
+    assert "Wirkungsgrad als Motor" in text
+    assert "Text, ';', Dezimalkomma, UTF-8" in text
+    assert "50 … 75 %" in text
+    (made,) = make_report("energy", motor, [file], tmp_path / "out", language="en")
+    assert "decimal comma" in "".join(page.extract_text() for page in PdfReader(made.pdf).pages)
 
 
 @pytest.mark.parametrize("language", LANGUAGES[1:])

@@ -8,6 +8,7 @@ in W, the other one tells.
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from ..record.derive import (
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.samples import block_means, place, samples
+from .which_unit import other_readings, supposed
 
 LOADED = 0.2
 """In parts of the largest value [1]: below, offsets of the instruments decide."""
@@ -63,12 +65,6 @@ CURRENTS = {
     1e-3: "{0} is in kA under a unit of A",
 }
 
-SPEEDS = {
-    60.0 / (2.0 * math.pi): "the speed is in rad/s, read as rpm",
-    2.0 * math.pi / 60.0: "the speed is in rpm, read as rad/s",
-    **THOUSANDS,
-}
-
 
 @dataclass(frozen=True)
 class Twice:
@@ -93,7 +89,7 @@ def _derived(channel: str, factors: Mapping[float, str]) -> tuple[Twice, ...]:
 
 POWERS: tuple[Twice, ...] = (
     Twice(Derivation("mechanical_power_W", SHAFT, lambda c, _: shaft_power(c), "torque·omega"),
-          SPEEDS),
+          THOUSANDS),
     Twice(ELECTRICAL[1], {1.5: "d and q come from the power-invariant transform", **THOUSANDS}),
     Twice(ELECTRICAL[-1], THOUSANDS),
 )  # fmt: skip
@@ -123,10 +119,25 @@ def columns_disagree(record: Record, motor: Motor) -> Iterator[Finding]:
             told.add(given)
 
 
-def _compared(
-    record: Record, motor: Motor, twice: Twice, columns: Mapping[str, str]
-) -> Finding | None:
-    """Return the finding about one quantity, None where both ways agree or cannot be compared."""
+class Difference(NamedTuple):
+    """How a column stands to what follows from others.
+
+    Attributes:
+        ratio: The column over that, under load [1].
+        allowed: What an error of the shaft's power makes of it [1].
+        off: What it is off, as a logarithm [1].
+        from_s: Where it was compared [s], from here to `to_s`.
+    """
+
+    ratio: float
+    allowed: float
+    off: float
+    from_s: float
+    to_s: float
+
+
+def _difference(record: Record, motor: Motor, twice: Twice) -> Difference | None:
+    """Return how a column differs from what follows from others, None where that cannot be told."""
     way = twice.way
     time_s, given, *others = samples(record, way.channel, *way.needs)
     if time_s.size < FEWEST_BLOCKS:
@@ -147,13 +158,24 @@ def _compared(
     ratio = float(np.median(given / computed))
     allowed = 2.0 * SHAFT_GAIN_SD * float(np.median(shaft / np.abs(computed)))
     off = abs(math.log(ratio)) if ratio > 0.0 else math.inf
-    if off <= AGREE + allowed:
+    return Difference(ratio, allowed, off, float(time_s[0]), float(time_s[-1]))
+
+
+def _compared(
+    record: Record, motor: Motor, twice: Twice, columns: Mapping[str, str]
+) -> Finding | None:
+    """Return the finding about one quantity, None where both ways agree or cannot be compared."""
+    way, found = twice.way, _difference(record, motor, twice)
+    if found is None or found.off <= AGREE + found.allowed:
         return None
-    is_error = off > REFUSED + allowed
+    ratio, allowed = found.ratio, found.allowed
+    is_error = found.off > REFUSED + allowed
     cause = _meaning(ratio, twice, MOST_OF_INVERTER if twice.is_upper else 1.0)
+    if is_error and not cause and not twice.is_upper:
+        cause = _misread(record, motor, twice)
     if twice.is_upper and (not is_error or (ratio < 1.0 and not cause) or ratio < 0.0):
         return None  # within the errors of a small difference, or the inverter's
-    likely = f" That is the factor where {cause}." if cause else ""
+    likely = f" They agree if {cause}." if cause else ""
     named = ", ".join(f"'{columns[name]}'" for name in (way.channel, *way.needs))
     # without these the other way to the quantity is gone
     needed = way.needs if way.needs == ("i_d_A", "i_q_A") else way.needs[:1]
@@ -165,11 +187,26 @@ def _compared(
         "error" if is_error else "warning",
         f"Expected {way.channel} {limit or '= '}{formula}; under load it is {rounded(ratio)} times "
         f"that (columns {named}).{likely}",
-        place(record, way.channel, float(time_s[0]), float(time_s[-1])),
+        place(record, way.channel, found.from_s, found.to_s),
         "Find out which of the columns is wrong. State its unit in [columns], or leave it out "
         f'there: {way.channel} = "none" or {silence}.',
         values={"ratio": ratio, "allowed": AGREE + allowed},
     )
+
+
+def _misread(record: Record, motor: Motor, twice: Twice) -> str:
+    """Return the likeliest other unit of a column in which both ways agree, in words; empty where
+    there is none.
+    """
+    names = {twice.way.channel, *twice.way.needs}
+    agreeing = [
+        one
+        for one in other_readings(record, motor)
+        if names & one.units.keys()
+        if (found := _difference(one.record, motor, twice)) is not None
+        if found.off <= AGREE + found.allowed
+    ]
+    return supposed(max(agreeing, key=lambda one: one.prior)) if agreeing else ""
 
 
 def _meaning(ratio: float, twice: Twice, room: float) -> str:

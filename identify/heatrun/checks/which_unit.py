@@ -280,7 +280,7 @@ def unit_suspected(record: Record, motor: Motor) -> Iterator[Finding]:
     else:
         if record.decided.issuperset(name for one in named for name in one.units):
             severity = left
-        consistent = f"The channels are consistent if {', or if '.join(map(_supposed, named))}."
+        consistent = f"The channels are consistent if {', or if '.join(map(supposed, named))}."
         remedy = " ".join([_remedy(named, record, left), *_or_else(record, motor, beyond)])
     is_copper = [figure.id for figure in beyond] == ["copper_share"]
     if severity != "error" and is_copper and any(losses_below_copper(record, motor)):
@@ -316,7 +316,8 @@ def _thinned(record: Record) -> Record:
     return replace(record, channels={k: np.asarray(v)[::step] for k, v in record.channels.items()})
 
 
-def _supposed(one: OtherReading) -> str:
+def supposed(one: OtherReading) -> str:
+    """Return what is supposed of a record that was read otherwise, in words."""
     units = list(dict.fromkeys(one.units.values()))
     if not units:
         return one.sentence

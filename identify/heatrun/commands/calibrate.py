@@ -121,11 +121,11 @@ def calibrate_into_folder(
     if options.json:
         print(to_json({**to_plain(found.result), "run": str(written)}))
     else:
-        print(result_text(found.result, str(written), verbose=options.verbose))
+        sheet = written / "sheet.pdf"
+        at = str(sheet if sheet.exists() else written)
+        print(result_text(found.result, str(written), sheet=at, verbose=options.verbose))
         for sentence in compared(found.result) if compared else ():
             print(printable(sentence))
-        sheet = written / "sheet.pdf"
-        print(printable(f"Sheet: {sheet if sheet.exists() else written}"))
     return DONE
 
 

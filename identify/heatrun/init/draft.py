@@ -255,7 +255,7 @@ def _remarks(surveys: Sequence[Survey]) -> Iterator[str]:
         known = [f"{each.channel} = {each.column}" for each in one.recognised]
         known += [f"{channel} = {formula}" for channel, formula in one.derived.items()]
         if known:
-            yield _comment(f"Recognised in {where}: {', '.join(known)}")
+            yield _listed(f"Recognised in {where}: ", known)
         assumed = [each for each in one.recognised if each.unit_from == "assumed"]
         for each in assumed[:MOST_OPEN]:
             how = f"unit {each.unit} ASSUMED: remove the # to state it; {each.found_by}"
@@ -346,6 +346,16 @@ def _overrides(missing: Sequence[Gap], mark: str) -> list[str]:
 def _line(channel: str, side: str, note: str, mark: str) -> str:
     note = flat(note)
     return f"{mark}{channel} = {side}  # {note if mark else f'{PLEASE_CHECK}: {note}'}"
+
+
+def _listed(head: str, parts: Sequence[str]) -> str:
+    """Return a line of comment with as many parts as it has room for, and how many more there are;
+    `heatrun check -v` lists all.
+    """
+    lines = [head + ", ".join(parts)]
+    lines += [f"{head}{', '.join(parts[:num])}, and {len(parts) - num} more"
+              for num in range(len(parts) - 1, 0, -1)]  # fmt: skip
+    return _comment(next((line for line in lines if len(line) + 2 <= WIDTH), lines[-1]))
 
 
 def _comment(text: str) -> str:

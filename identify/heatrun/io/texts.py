@@ -2,8 +2,8 @@
 
 `texts.toml` holds each sentence in all languages under a key. What a page says itself (`[page]`,
 `[discovery]`) is asked for by its key. What runs, reports, discoveries and findings state in
-English (`[run]`, `[report]`, `[discovered]`, `[shutdown]`, `[sentence]`) is recognised by the
-English text of the table, and said `again` in the language of the page; of findings sentence by
+English (`[run]`, `[workbook]`, `[report]`, `[discovered]`, `[shutdown]`, `[sentence]`) is known by
+the English text of the table, and said `again` in the language of the page; of findings sentence by
 sentence.
 
 A field of a text is `{name}`, as it is given; `{name:n}`, numbers, with the decimal sign of the
@@ -52,7 +52,8 @@ def _whole() -> dict[str, str]:
     return {row[0]: key for key, row in table().items() if not FIELD.search(row[0])}
 
 
-STATED, OF_FINDINGS = ("run", "report", "discovered", "shutdown"), ("sentence",)
+STATED = ("run", "workbook", "report", "discovered", "shutdown")
+OF_FINDINGS = ("sentence",)
 """Sections in which a text is recognised."""
 
 

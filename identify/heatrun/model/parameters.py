@@ -306,13 +306,14 @@ def effect_parameters(
         is_searched = kind in searched
         for name, of_catalogue in kind.card.parameters.items():
             quantity = sized(kind, of_catalogue, size)
+            unit = "" if quantity.unit == "1" else f" {quantity.unit}"
             transform, centre, sd = _prior(kind, quantity, duration_s, is_searched=is_searched)
             result.append(
                 Parameter(
                     qualified(kind, name), quantity.unit, quantity.meaning,
                     "effect" if is_searched else "known",
                     transform, centre, sd,
-                    f"plausible from {quantity.low:.3g} to {quantity.high:.3g} {quantity.unit}",
+                    f"plausible from {quantity.low:.3g} to {quantity.high:.3g}{unit}",
                     per_test=kind.card.family == EVENT, limit=quantity.limit,
                 )
             )  # fmt: skip

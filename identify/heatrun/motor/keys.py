@@ -297,8 +297,8 @@ CERTIFICATE = Section(
             '"laboratoryBranch", "customerBranch" or "other".', '"laboratory"', "left out"),
         Key("country", "Country of the laboratory, two letters of ISO 3166-1.", '"IT"',
             "left out"),
-        Key("language", 'Language of the sheet: "en", "de" or "it"; `--language` goes before.',
-            '"it"', '"en"'),
+        Key("language", 'Language of sheet and reports: "en", "de" or "it"; `--language` goes '
+            "before.", '"it"', '"en"'),
         Key("remarks", "Whatever else is to stand on the certificate.", '"Order 4711."',
             "left out"),
         Key("instruments", "The measuring instruments, each as a table of its own: see "

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -127,6 +128,10 @@ FOLLOWED, FOLLOWED_IN_VAIN = Shares(0.5, 0.05), Shares(0.5, 0.2)
 costs as much as dozens of steps of evolution."""
 
 
+TOLD_EVERY = 25
+"""Steps from one word of how far it is to the next."""
+
+
 class Ensemble:
     """One ensemble with its chunks; takes up a checkpoint where there is one."""
 
@@ -183,8 +188,12 @@ class Ensemble:
         """Steps so far."""
         return sum(chunk["chain"].shape[0] for chunk in self._done)
 
-    def advance(self, num_steps: int, num_chunks: int = 1) -> None:
-        """Go on by chunks of so many steps, or take them from the checkpoint."""
+    def advance(
+        self, num_steps: int, num_chunks: int = 1, told: Callable[[int], None] | None = None
+    ) -> None:
+        """Go on by chunks of so many steps, or take them from the checkpoint; `told` gets the steps
+        so far, every `TOLD_EVERY` of them.
+        """
         for _ in range(num_chunks):
             if self._waiting:
                 chunk = self._waiting.pop(0)
@@ -192,7 +201,11 @@ class Ensemble:
                 self._done.append(chunk)
                 continue
             self._sampler.reset()
-            self._state = self._sampler.run_mcmc(self._state, num_steps)
+            begun = self.num_steps
+            for number, state in enumerate(self._sampler.sample(self._state, iterations=num_steps)):
+                self._state = state
+                if told is not None and (number + 1) % TOLD_EVERY == 0:
+                    told(begun + number + 1)
             chain, density = self._sampler.get_chain(), self._sampler.get_log_prob()
             if self._checkpoint is not None:
                 self._checkpoint.save(len(self._done), chain, density, self._state)

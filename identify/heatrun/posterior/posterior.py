@@ -218,10 +218,21 @@ def sample(
         if progress is not None:
             progress(f"{instead}the first steps", 0.0)
     is_linear = isinstance(weighted.proposal, Proposal)
-    num_steps, followed = 0, None if is_linear and not is_quick else weighted
+    followed = None if is_linear and not is_quick else weighted
+    num_steps, planned = 0, LONG
+
+    def tell(done: int) -> None:
+        if progress is not None:
+            progress(f"{instead}{done} of about {planned} steps", done / planned)
+
     while True:
         chunks = max(1, int(LOOK_AGAIN * num_steps / CHUNK))
-        at_once(lambda ensemble, num=chunks: ensemble.advance(CHUNK, num), ensembles)
+        at_once(
+            lambda ensemble, num=chunks: ensemble.advance(
+                CHUNK, num, tell if ensemble is ensembles[0] else None
+            ),
+            ensembles,
+        )
         num_steps = ensembles[0].num_steps
         drop = int(BURN_IN * num_steps)
         chains = np.stack([ensemble.chain()[drop:] for ensemble in ensembles])
@@ -236,9 +247,8 @@ def sample(
             followed = followed or importance_sample(fit, seed=seed, linear=weighted)
             if followed.is_sound and is_one_law(chains, followed.vectors, followed.weights):
                 return replace(_of_weighted(fit, followed, seed), spared=steps)
-        if progress is not None:
-            planned = _planned(convergence, num_steps, steps, most_steps)
-            progress(f"{instead}{num_steps} of about {planned} steps", num_steps / planned)
+        planned = _planned(convergence, num_steps, steps, most_steps)
+        tell(num_steps)
         least_steps = wanted.times * convergence.autocorrelation / (1.0 - BURN_IN)
         if num_steps >= most_steps // 2 and least_steps > most_steps:
             break

@@ -19,7 +19,7 @@ from ..results.model import (
 )
 from ..results.values import BudgetRow, Interval, known, number
 from ..runs.verdict import favoured, headline
-from .printed import COVERAGE_FACTOR, format_value, num_stated, printed, test_days, uncertain
+from .printed import COVERAGE_FACTOR, fixed, format_value, num_stated, printed, test_days, uncertain
 
 MOST_ON_PAGE_1, MOST_LETTERS = 6, 450
 """Instruments, and letters of all together, that page 1 has room for."""
@@ -61,7 +61,7 @@ def certificate_content(
         "reasons": [clean(say.again(reason)) for reason in found.reasons],
         "network": say.again(model.title),
         "parameter_of": say("parameter_of", network=model.title),
-        "parameters": [_row(line, say) for line in parameter_lines(model, say)],
+        "parameters": [_row(line, say) for line in stated_lines(model, say)],
         "figures": _figures(model, result.tests, say),
         "rule": say("rule"),
         "statement": _statement(result, say),
@@ -136,6 +136,8 @@ class ParameterLine:
     entry: FittedParameter  # The parameter.
     # What it is at stated conditions, where the line is about that.
     figure: DerivedFigure | None = None
+    # It is the parameter of a law that stands at stated conditions in other lines.
+    is_law: bool = False
 
     @property
     def budget(self) -> tuple[BudgetRow, ...]:
@@ -156,15 +158,22 @@ def parameter_lines(model: FittedModel, say: Texts = ENGLISH) -> list[ParameterL
     """
     lines = []
     for name, entry in model.parameters.items():
-        meaning = say.again(entry.meaning)
+        meaning, is_law = say.again(entry.meaning), False
         for ending, key in ((LOADED, "under_load"), (AT_REST, "at_rest")):
             figure = model.derived.get(f"{name}{ending}")
             if figure is not None and math.isfinite(figure.median):
                 told = say("at", what=say.again(entry.meaning), condition=known(figure.condition))
                 lines.append(ParameterLine(say(key, name=name), told, entry, figure))
-                meaning = say("in_law", meaning=entry.meaning)
-        lines.append(ParameterLine(name, meaning, entry))
+                meaning, is_law = say("in_law", meaning=entry.meaning), True
+        lines.append(ParameterLine(name, meaning, entry, is_law=is_law))
     return lines
+
+
+def stated_lines(model: FittedModel, say: Texts = ENGLISH) -> list[ParameterLine]:
+    """Return the lines that a page has room for: a resistance stands at stated conditions or in its
+    law; the workbook and the DCC hold both.
+    """
+    return [line for line in parameter_lines(model, say) if not line.is_law]
 
 
 def _row(line: ParameterLine, say: Texts) -> list[str]:
@@ -292,7 +301,7 @@ def _conditions(result: FitResult, fitted: list[DescribedTest], say: Texts) -> s
         if spans:
             low, high = min(s[0] for s in spans), max(s[1] for s in spans)
             digits = places_of_current((low, high)) if key == "current" else digits
-            ends = (f"{low:.{digits}f}", f"{high:.{digits}f}")
+            ends = (fixed(low, digits), fixed(high, digits))
             span = ends[0] if ends[0] == ends[1] else " … ".join(ends)
             parts.append(f"{say(key)} {say.number(span)} {unit}")
     tested = f"{_sentence('; '.join(parts) or say('not_recorded'))}."

@@ -11,15 +11,15 @@ from ..readers.mapping import KNOWN_BY, assumption, grouped
 from ..record.motor import Certificate
 from ..record.record import Finding
 from ..results import FitResult
-from ..results.model import AT_REST, LOADED, DerivedFigure, DescribedTest, FittedModel
+from ..results.model import AT_REST, LOADED, DescribedTest, FittedModel
 from ..results.values import Interval, combined, known
 from ..runs.verdict import concerns, favoured
 from .certificate import (
     ON_PAGE_1,
     ParameterLine,
     certificate_content,
-    parameter_lines,
     places_of_current,
+    stated_lines,
 )
 from .printed import format_interval, format_value, num_stated, ranked, signed, told
 
@@ -46,6 +46,7 @@ def sheet_content(
     columns = [(clean(names), rows, _assumed(rows)) for names, rows in grouped(result.tests)]
     return {
         "title": clean(motor.name),
+        "language": say.language,
         "certificate": certificate_content(result, certificate, say),
         "verdict": clean(result.verdict.sentence),
         "meta": [
@@ -62,16 +63,9 @@ def sheet_content(
         "residuals": _residuals(model, say),
         "bodies": _bodies(model, say),
         "replica": _replica(model, say),
-        "derived": [
-            [_named(name, say), *(_derived(entry, say))]
-            for name, entry in model.derived.items()
-            if name not in ON_PAGE_1 and not name.endswith((LOADED, AT_REST))
-        ],
-        "budget": [
-            _budget(line, say)
-            for line in parameter_lines(model, say)
-            if line.budget and "." not in line.name  # those of effects stand in the workbook
-        ],
+        "derived": _derived(model, say),
+        # that of effects stands in the workbook
+        "budget": _budget([one for one in stated_lines(model, say) if "." not in one.name], say),
         "graver": [[say(each.severity), _sentence(each, result, say)] for each in graver],
         "after_findings": _after_findings(graver, len(own) - len(graver), say),
         "comparison": [clean(w) for w in (result.comparison.words if result.comparison else ())],
@@ -100,7 +94,7 @@ LABELS = (
     "mean_K", "in_band", "definitions", "remarks", "instruments", "instruments_listed",
     "instrument_quantity", "instrument", "instrument_class", "instrument_calibration",
     "instrument_valid", "signature", "page", "of", "more_reasons", "more_parameters",
-    "value_or_interval", "budget", "budget_u", "budget_draws", "budget_sources", "budget_rule",
+    "value_or_interval", "budget", "budget_rule",
 )  # fmt: skip
 """Texts that the template of the pages sets by itself."""
 
@@ -202,21 +196,30 @@ def _replica(model: FittedModel, say: Texts) -> str:
     return say("replica", numbers=replica.numbers(), K=f"{replica.from_model_K:.2f}")
 
 
-MOST_SOURCES, LEAST_SHARE = 4, 0.01
-"""Sources that a line of the sheet names, and the least share of the variance of one [1]."""
+MOST_SOURCES = 4
+"""Sources that the sheet names."""
 
 
-def _budget(line: ParameterLine, say: Texts) -> list[str]:
-    """Return a parameter, its standard uncertainty to first order and by draws, its sources."""
-    named = [row for row in line.budget[:MOST_SOURCES] if row.share >= LEAST_SHARE]
-    rest = line.budget[len(named) :]
-    sources = [(say.again(row.source), row.share) for row in named]
-    if (share := sum(row.share for row in rest)) >= 0.5 * LEAST_SHARE:
-        sources.append((say("budget_others", num=len(rest)), share))
-    unit, of_draws = line.entry.unit, line.sd
-    both = (format_value(u, of_draws)[0] for u in (combined(line.budget), of_draws))
-    words = "; ".join(f"{source}: {100.0 * share:.0f} %" for source, share in sources)
-    return [clean(line.name), *(say.number(quantity(u, unit)) for u in both), words]
+def _budget(lines: Sequence[ParameterLine], say: Texts) -> dict[str, Any]:
+    """Return head and rows of parameters: standard uncertainty to first order and by draws, and
+    what each source has of the variance; those of no great share to any parameter together.
+    """
+    largest: dict[str, float] = {}
+    for row in (row for line in lines for row in line.budget):
+        largest[row.source] = max(row.share, largest.get(row.source, 0.0))
+    named = sorted(largest, key=lambda source: -largest[source])[:MOST_SOURCES]
+    head = [say(key) for key in ("parameter", "budget_u", "budget_draws")]
+    head += [*map(say.again, named), say("budget_others", num=len(largest) - len(named))]
+    rows = []
+    for line in (line for line in lines if line.budget):
+        both = (format_value(u, line.sd)[0] for u in (combined(line.budget), line.sd))
+        shares = {row.source: row.share for row in line.budget}
+        parts = [shares.pop(source, 0.0) for source in named]
+        rows.append([
+            clean(line.name), *(say.number(quantity(u, line.entry.unit)) for u in both),
+            *(f"{100.0 * share:.0f} %" for share in (*parts, sum(shares.values()))),
+        ])  # fmt: skip
+    return {"head": head, "rows": rows}
 
 
 ASKED = re.compile(
@@ -243,14 +246,25 @@ def _named(figure: str, say: Texts) -> str:
     return say(key) if key in table() else figure
 
 
-def _derived(entry: DerivedFigure, say: Texts) -> list[str]:
-    if refusal := known(entry.refused):
-        return [say("refused"), say.again(refusal), ""]
-    sd = known(entry.sd)
-    value, _ = format_value(known(entry.value), sd)
-    ends = format_interval(known(entry.interval_95), sd).replace("not determined", "∞")
-    return [
-        quantity(say.again(value), known(entry.unit) or ""),
-        say.again(known(entry.condition) or ""),
-        " … ".join(say.again(end) for end in ends.split(" … ")),
-    ]
+def _derived(model: FittedModel, say: Texts) -> list[list[str]]:
+    """Return name, value, condition and interval of each figure that page 1 has not; those that
+    have no value for one reason in one row.
+    """
+    rows: list[list[str]] = []
+    for key, entry in model.derived.items():
+        if key in ON_PAGE_1 or key.endswith((LOADED, AT_REST)):
+            continue
+        name = _named(key, say)
+        if refusal := known(entry.refused):
+            row = [name, say("refused"), say.again(refusal), ""]
+            if rows and rows[-1][1:] == row[1:]:
+                rows[-1][0] += f"; {name}"
+                continue
+        else:
+            sd, unit = known(entry.sd), known(entry.unit) or ""
+            value, _ = format_value(known(entry.value), sd)
+            ends = format_interval(known(entry.interval_95), sd).replace("not determined", "∞")
+            row = [name, quantity(say.again(value), unit), say.again(known(entry.condition) or ""),
+                   " … ".join(say.again(end) for end in ends.split(" … "))]  # fmt: skip
+        rows.append(row)
+    return rows

@@ -26,7 +26,7 @@ from ..runs.verdict import (
     restrictions,
     thermal,
 )
-from .certificate import ENGLISH, at_end, certificate_content, parameter_lines
+from .certificate import ENGLISH, at_end, certificate_content, stated_lines
 from .printed import format_interval, format_value, interval_ends, ranked
 
 if TYPE_CHECKING:  # JAX comes with it
@@ -78,45 +78,53 @@ def _too(others: Sequence[Finding]) -> str:
     return f"; {', '.join(each.test for each in others)} too" if others else ""
 
 
-def result_text(result: FitResult, run: str = "RUN", *, verbose: bool = False) -> str:
+MOST_LINES = 12
+"""Of a result, unless that many ratings were asked for."""
+
+
+def result_text(
+    result: FitResult, run: str = "RUN", *, sheet: str = "", verbose: bool = False
+) -> str:
     """Return a result in a dozen lines: verdict, parameters, errors and what to do next.
 
     Args:
         result: What stands in `fit.json`.
         run: The run folder, as it is to be typed.
+        sheet: Path of the sheet; empty where there is none.
         verbose: Whether all networks, how they were drawn, columns and warnings follow.
     """
     model = result.models[favoured(result)]
-    lines = verdict_lines(result)
-    lines += _parameters(result, model)
+    said, *restricted = verdict_lines(result)
+    head = [said, " ".join(restricted)] if restricted else [said]
+    tail = []
     taus = [
         "{} s ({} … {})".format(*_told_apart(tau.median, *tau.ends))
         for name in ("tau_s", "tau_fast_s", "tau_slow_s")
         if (tau := model.derived.get(name)) is not None and not math.isnan(tau.median)
     ]
     if taus:
-        lines.append(f"Time constant{'s' if len(taus) > 1 else ''}: {' and '.join(taus)}, losses "
-                     "held; in brackets 95 % intervals")  # fmt: skip
-    lines.append(f"RMSE: fitted {_errors(model, 'calibration')}; held out "
-                 f"{_errors(model, 'holdout')}")  # fmt: skip
-    lines += [
-        _rating(name, figure) for name, figure in model.derived.items() if ASKED.fullmatch(name)
-    ]
-    lines.append(f"Next: {next_step(result, run)}")
-    if verbose:
-        lines += _rest(result)
-    else:
-        warnings = (f for f in result.findings if f.severity != "note")
-        ids = list(dict.fromkeys(f.id for f in warnings if concerns(f, result)))
-        told = f"warnings ({', '.join(ids)}), " if ids else ""
-        lines.append(f"With -v: {told}all networks, how each column was read.")
+        tail.append(f"Time constant{'s' if len(taus) > 1 else ''}: {' and '.join(taus)}, losses "
+                    "held; in brackets 95 % intervals")  # fmt: skip
+    tail.append(f"RMSE: fitted {_errors(model, 'calibration')}; held out "
+                f"{_errors(model, 'holdout')}")  # fmt: skip
+    warnings = (f for f in result.findings if f.severity != "note")
+    ids = list(dict.fromkeys(f.id for f in warnings if concerns(f, result)))
+    told = f"warnings ({', '.join(ids)}), " if ids else ""
+    rest = "" if verbose else f"with -v: {told}all networks, how each column was read"
+    last = "; ".join(filter(None, [sheet and f"Sheet: {sheet}", rest]))
+    last = [f"Next: {next_step(result, run)}", *filter(None, [last[:1].upper() + last[1:]])]
+    tail += [_rating(*each) for each in model.derived.items() if ASKED.fullmatch(each[0])]
+    room = MOST_LINES - len(head) - len(tail) - len(last)
+    lines = [*head, *_parameters(result, model, room), *tail, *last]
+    lines += _rest(result) if verbose else []
     return "\n".join(printable(line) for text in lines for line in text.split("\n"))
 
 
 def _told_apart(value: float, low: float, high: float) -> tuple[str, ...]:
     """Return a value and its limits to three digits, or five where both limits are one in three."""
     digits = 3 if rounded(low) != rounded(high) else 5
-    return tuple(rounded(one, digits) for one in (value, low, high))
+    texts = (f"{one:#.{digits}g}".rstrip(".") for one in (value, low, high))  # 84.0 and not 84
+    return tuple(rounded(float(text), digits) if "e" in text else text for text in texts)
 
 
 def verdict_lines(result: FitResult) -> list[str]:
@@ -164,19 +172,18 @@ def _without_plain(command: str) -> str:
     return shlex.join(word for word in words if not word.startswith("--out="))
 
 
-def _parameters(result: FitResult, model: FittedModel) -> list[str]:
-    """Return the parameters as page 1 of the sheet has them, and the conditions of the tests.
+def _parameters(result: FitResult, model: FittedModel, most: int) -> list[str]:
+    """Return the parameters as page 1 of the sheet has them, and the conditions of the tests, in at
+    most so many lines: several parameters share one where there are more of them.
 
-    Where effects change a resistance, that at stated conditions takes the place of its law. Each
-    effect has one line.
+    Where effects change a resistance, that at stated conditions takes the place of its law.
     """
     content = certificate_content(result, Certificate())
-    lines = parameter_lines(model)
-    stated = {id(line.entry) for line in lines if line.figure is not None}
     rows, effects = [], {}
-    for line, (name, meaning, text, judged) in zip(lines, content["parameters"], strict=True):
-        is_law = line.figure is None and id(line.entry) in stated
-        if judged == ENGLISH("of_motor_file") or is_law:
+    for line, (name, meaning, text, judged) in zip(
+        stated_lines(model), content["parameters"], strict=True
+    ):
+        if judged == ENGLISH("of_motor_file"):
             continue
         effect, dot, own = name.partition(".")
         if dot:
@@ -184,12 +191,17 @@ def _parameters(result: FitResult, model: FittedModel) -> list[str]:
         else:
             condition = "" if line.figure is None else f" at {known(line.figure.condition)}"
             rows.append((name, text, judged + condition))
-    widths = [max([0, *(len(row[i]) for row in rows)]) for i in range(2)]
-    return [
-        *(f"  {name:<{widths[0]}}  {text:<{widths[1]}}  {judged}" for name, text, judged in rows),
-        *(f"  {effect}: {', '.join(told)}" for effect, told in effects.items()),
-        f"  in the tests: {dict(content['statement'])['Conditions']}",
-    ]
+    behind = [f"in the tests: {dict(content['statement'])['Conditions']}"]
+    if effects:
+        told = (f"{effect}: {', '.join(parts)}" for effect, parts in effects.items())
+        behind.insert(0, "; ".join(told))
+    each = max(1, -(-len(rows) // max(1, most - len(behind))))
+    if each == 1:
+        widths = [max([0, *(len(row[i]) for row in rows)]) for i in range(2)]
+        rows = [(row[0].ljust(widths[0]), row[1].ljust(widths[1]), row[2]) for row in rows]
+    cells = [("  " if each == 1 else " ").join(row) for row in rows]
+    together = ["; ".join(cells[at : at + each]) for at in range(0, len(cells), each)]
+    return [f"  {line}" for line in (*together, *behind)]
 
 
 def _errors(model: FittedModel, role: str) -> str:

@@ -10,7 +10,7 @@ import pandas as pd
 import xlsxwriter
 
 from ..io.quantities import printed_unit, rounded
-from ..io.texts import Texts
+from ..io.texts import SENTENCES, Texts
 from ..io.whole_files import NO_DATE, stated_moment, write_whole
 from ..readers.mapping import KNOWN_BY
 from ..results import FitResult
@@ -210,8 +210,8 @@ def write_xlsx(
         _rows(book, cells, "sheet_columns",
               [*map(say, ("test", "channel", "column", "unit", "unit_known_by", "column_known_by",
                           "file"))],
-              [[test.name, row.channel, row.column, row.unit, KNOWN_BY[row.unit_from],
-                row.found_by, PurePath(row.file).name]
+              [[test.name, row.channel, row.column, row.unit, say.again(KNOWN_BY[row.unit_from]),
+                say.again(row.found_by), PurePath(row.file).name]
                for test in result.tests for row in test.mapping], say)  # fmt: skip
         _residuals(book, cells, model, say)
         _derived(book, cells, model, say)
@@ -245,9 +245,9 @@ def _parameters(
                   (entry.sd, by_sd), (expanded, by_expanded), (low, by_sd), (high, by_sd),
                   (entry.sd_type_a, cells.of(entry.sd_type_a)),
                   (entry.sd_type_b, cells.of(entry.sd_type_b)),
-                  judged(entry, say), entry.why or "",
+                  judged(entry, say), " ".join(map(say.again, SENTENCES.split(entry.why or ""))),
                   *((end, cells.of(abs(end) / 3)) for end in entry.prior_95),
-                  entry.prior_basis, say.again(entry.meaning))  # fmt: skip
+                  say.again(entry.prior_basis), say.again(entry.meaning))  # fmt: skip
         for column, value in enumerate(values):
             write(sheet, row, column, *(value if isinstance(value, tuple) else (value,)))
     sheet.set_column(0, 0, 18)

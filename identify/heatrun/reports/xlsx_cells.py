@@ -12,7 +12,7 @@ from ..results import FitResult
 from ..results.model import DerivedFigure, FittedParameter
 from ..results.values import BudgetRow, combined, known, number
 from ..runs.verdict import favoured
-from .certificate import ENGLISH, ON_PAGE_1, parameter_lines
+from .certificate import ENGLISH, ON_PAGE_1, stated_lines
 from .printed import format_value, interval_ends, places_of, printed
 
 AS_TEXT = {
@@ -147,7 +147,7 @@ def add_certificate(
     row = _table(sheet, cells, row + 1, [say(key) for key in PARAMETERS])
     model = result.models[favoured(result)]
     lines = [(line.entry.unit, line.figure, _numbers(line.entry))
-             for line in parameter_lines(model)]  # fmt: skip
+             for line in stated_lines(model)]  # fmt: skip
     figures = [model.derived[name] for name in ON_PAGE_1 if name in model.derived]
     lines += [(known(each.unit) or "", each, ()) for each in figures]
     printed_lines = [*said["parameters"], *said["figures"]]

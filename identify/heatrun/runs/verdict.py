@@ -65,8 +65,7 @@ def headline(result: FitResult) -> UseVerdict:
     lost = [name for name, entry in free.items() if entry.identifiability == "not identifiable"]
     weak = [name for name, entry in free.items() if entry.identifiability == "weak"]
     reasons = (
-        *restrictions(result), *against_others(result), *_warnings(result),
-        *_accuracy(model), *_given(model),
+        *restrictions(result), *against_others(result), *_warnings(result), *_accuracy(model),
     )  # fmt: skip
     if model.result != "converged":
         return UseVerdict(
@@ -209,15 +208,19 @@ def _percent(entry: FittedParameter) -> str:
 
 
 def _accuracy(model: FittedModel) -> list[str]:
-    """Return how well the network follows the tests, held-out ones first."""
+    """Return how well the network follows the tests, held-out ones first: the worst of each."""
     words = []
     for role, named in (("holdout", "Held-out test"), ("calibration", "Fitted test")):
-        words += [
-            f"{named} {row.test}: RMSE {row.rmse_K:.2f} K, maximum error {row.max_K:.1f} K, "
-            f"{100 * row.coverage_95:.0f} % of the readings in the 95 % band."
-            for row in model.residuals
-            if row.role == role
-        ]
+        rows = [row for row in model.residuals if row.role == role]
+        if rows:
+            worst = max(rows, key=lambda row: row.rmse_K)
+            among = f", the worst of {len(rows)}" if len(rows) > 1 else ""
+            words.append(
+                f"{named} {worst.test}{among}: RMSE {worst.rmse_K:.2f} K, maximum error "
+                f"{max(row.max_K for row in rows):.1f} K, "
+                f"{100 * min(row.coverage_95 for row in rows):.0f} % of the readings in the 95 % "
+                "band."
+            )
     return words
 
 
@@ -328,14 +331,3 @@ def against_others(result: FitResult) -> list[str]:
 def concerns(finding: Finding, result: FitResult) -> bool:
     """Return whether a finding is not about another network than the one that is stated."""
     return known(finding.network) in (None, favoured(result))
-
-
-def _given(model: FittedModel) -> list[str]:
-    """Return what stands in the table without having been measured in these tests."""
-    words = []
-    for name, entry in model.parameters.items():
-        if entry.fixed:
-            words.append(f"{name} is given in the motor file, not estimated.")
-        elif entry.unit == "ohm" and entry.identifiability == "not identifiable":
-            words.append(f"{name} is that of the motor file: these tests do not measure it.")
-    return words

@@ -1,6 +1,6 @@
 """The General Information table: energy, distance, consumption, recuperation, tolerances."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -77,10 +77,11 @@ class GeneralInformation:
     findings: tuple[Finding, ...]  # What is doubtful.
     of_vehicle: bool  # Whether distance and consumption are asked for.
 
-    @property
-    def figures(self) -> tuple[Figure, ...]:
-        """Those that are asked for: without a vehicle, energies alone."""
-        return tuple(one for one in FIGURES if self.of_vehicle or one.name.startswith("energy"))
+
+def figures_of(tables: Iterable[GeneralInformation]) -> tuple[Figure, ...]:
+    """Return the figures that are asked for: without a vehicle in any of them, energies alone."""
+    of_vehicle = any(one.of_vehicle for one in tables)
+    return tuple(one for one in FIGURES if of_vehicle or one.name.startswith("energy"))
 
 
 def general_information(record: Record, motor: Motor) -> GeneralInformation:

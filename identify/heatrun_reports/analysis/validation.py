@@ -12,15 +12,15 @@ import numpy as np
 
 from heatrun.errors import InputError
 from heatrun.model.bodies import CURRENT_GAIN, INSTRUMENTS
-from heatrun.record.channels import CHANNEL, CHANNELS
+from heatrun.record.channels import CHANNELS
 from heatrun.record.motor import Motor
 from heatrun.record.record import Finding, Record
 from heatrun.record.samples import median_step, rounding_step, samples, sink_channel
 
-from ..report import NOT_OF_THE_MACHINE
+from ..report import NOT_OF_THE_MACHINE, unit
 from ..simulated import Limits, Reference, bands_on_axis
 from .drive import DC, TERMINALS, electrical_power, integrate, weights, with_powers
-from .general_information import FIGURES, J_PER_KWH, general_information
+from .general_information import J_PER_KWH, figures_of, general_information
 from .pair import Pair, pair_records
 
 SHARE = 0.05
@@ -110,10 +110,10 @@ def scale_of(channel: str, pair: Pair, reference: Record, motor: Motor) -> Scale
     """Return what a difference in a signal of a pair matters against; the reference is on its own
     clock.
     """
-    symbol = CHANNEL[channel].unit
+    symbol = unit(channel, is_difference=True)
     theirs = pair.theirs[channel]
     known = theirs[np.isfinite(theirs)]
-    if symbol != "degC":
+    if symbol != "K":
         return Scale(float(np.max(np.abs(known), initial=0.0)), "magnitude", symbol)
     if channel in NOT_OF_THE_MACHINE or known.size == 0:
         return Scale(0.0, "rise", "K")
@@ -323,11 +323,11 @@ def compare_figures(
     except InputError:  # fewer than two samples of a power or a speed: there is no figure
         return ()
     places = [_place(record, motor) for record in (test, reference)]
-    for name, label, unit, needs, _ in FIGURES:
+    for name, label, symbol, needs, _ in figures_of((ours, theirs)):
         a, b = getattr(ours, name), getattr(theirs, name)
         if a is None or b is None:
             continue
-        one = _compared(name, label, unit, a, b, given)
+        one = _compared(name, label, symbol, a, b, given)
         if name == "reduction_percent":
             one = replace(one, difference_percent=None, verdict="not judged")
         elif "power" in needs and places[0] != places[1]:

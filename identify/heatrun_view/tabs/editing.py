@@ -310,6 +310,12 @@ class Row:
         return {} if side == proposed else {self._choice.channel: side}
 
 
+TICK = (
+    "Tick the tests of one motor in the side panel. Then come their columns, the motor file and "
+    "the calibration."
+)
+
+
 class Start:
     """Four steps, each open once the one before is done."""
 
@@ -318,7 +324,7 @@ class Start:
     ) -> None:
         """Take the folder of motor files, whom to tell of a new one, and what calibrates."""
         self._reader, self._root, self._written = reader, root, written
-        self._offered: tuple[Sequence[str], str | None] | None = None
+        self._offered: tuple[Sequence[str], str | None, Stamp] | None = None
         self._surveys: Sequence[Survey] = ()
         self._rows: list[Row] = []
         self._numbers: dict[str, pn.widgets.TextInput] = {}
@@ -336,24 +342,41 @@ class Start:
 
     def offer(self, tests: Sequence[str], motor: str | None) -> None:
         """Take other tests, or a motor file that describes them already, as the page lists them."""
-        if self._offered == (tests, motor):
+        stamp = NOTHING if motor is None else Stamp.of(self._root / motor)
+        if self._offered == (tests, motor, stamp):
             return
-        self._offered = (tests, motor)
+        self._offered = (tests, motor, stamp)
         self._latest.forget()
         self._form.visible = self._fit.visible = False
         names = ", ".join(map(escape, tests))
         self._tests.object = "<h3>1 Tests</h3>" + (
-            f"<p>{names}</p>" if tests else message("note", "Tick the tests of one motor.")
+            f"<p>{names}</p>" if tests else message("note", TICK)
         )
         self._said.object = ""
         if tests and motor is not None:
+            self._hold_against(tests, motor)
+        elif tests:
+            self._look_at(tests)
+
+    def _hold_against(self, tests: Sequence[str], motor: str) -> None:
+        """Go on to the calibration, or to another motor file where this one lacks a channel."""
+
+        def show(found: Sequence[str] | str) -> None:
+            if found:
+                lacking = "" if isinstance(found, str) else f" It leaves out {', '.join(found)}."
+                self._tests.object += message(
+                    "warning", f"{motor} does not describe these tests.{lacking} Steps 2 and 3 "
+                    "write a motor file that does."
+                )  # fmt: skip
+                self._look_at(tests)
+                return
             self._said.object = "<h3>2 Columns and 3 motor file</h3>" + message(
                 "note", f"{motor} describes both. The tab “Checks” says what is to be mended, the "
                 "tab “Motor file” shows the lines."
             )  # fmt: skip
             self._fit.visible = True
-        elif tests:
-            self._look_at(tests)
+
+        self._latest.ask(", ".join(tests), lambda: self._reader.lacking(tests, motor), show)
 
     def _look_at(self, tests: Sequence[str]) -> None:
         self._said.object = "<p class='faded'>Looking at the columns …</p>"
