@@ -30,9 +30,13 @@ Files = Sequence[str | Path] | str | Path
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a discovery found."""
+    """What a discovery found.
 
-    run: Run  # Its run: the model with the effects that were accepted.
+    Attributes:
+        run: Its run: the model with the effects that were accepted.
+    """
+
+    run: Run
 
     @property
     def result(self) -> DiscoveryResult:

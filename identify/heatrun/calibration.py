@@ -19,7 +19,7 @@ from .errors import InputError, did_you_mean
 from .fit.fit import fit
 from .fit.fit_result import Fit
 from .io.whole_files import moment
-from .model.kernels import at_once
+from .model.kernels import beside
 from .model.model import Model
 from .model.network_form import NetworkForm
 from .model.network_text import network_named
@@ -214,7 +214,7 @@ def calibrate(
             found, screened = _searched(found, kinds, seed, work, attempts)
         return _Fitted(found, asked, screened, attempts)
 
-    fits = at_once(fitted_one, models)
+    fits = beside(fitted_one, models)
     last = fits[-1].fit
 
     def one(model: Model, of: _Fitted) -> _Outcome:
@@ -274,7 +274,7 @@ def calibrate(
         seen = [replace(each, network=name) for each in [*seen, *attempts.findings]]
         return _Outcome(posterior, predicted, described, seen, sampling_s, asked, screened)
 
-    found = at_once(lambda pair: one(*pair), list(zip(models, fits, strict=True)))
+    found = beside(lambda pair: one(*pair), list(zip(models, fits, strict=True)))
     outcomes = dict(zip(names, found, strict=True))
     posteriors = {name: outcome.posterior for name, outcome in outcomes.items()}
     predictions = {name: outcome.predictions for name, outcome in outcomes.items()}

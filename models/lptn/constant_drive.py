@@ -26,14 +26,18 @@ from .stepping import eliminate, heat_balance, rates
 
 
 class Field(NamedTuple):
-    """The rates of a network by its temperatures."""
+    """The rates of a network by its temperatures.
 
-    # Names of the nodes, sorted, those of the effects among them: the order of vectors.
+    Attributes:
+        nodes: Names of the nodes, sorted, those of the effects among them: the order of vectors.
+        start: Temperatures [degC], shape (node,).
+        slope: Returns the rates [K/s] for temperatures [degC], both of shape (node,).
+        heat: Returns the heat put into each node [W] likewise.
+    """
+
     nodes: tuple[str, ...]
-    start: Float[Array, " node"]  # Temperatures [degC], shape (node,).
-    # Returns the rates [K/s] for temperatures [degC], both of shape (node,).
+    start: Float[Array, " node"]
     slope: Callable[[Float[Array, " node"]], Float[Array, " node"]]
-    # Returns the heat put into each node [W] likewise.
     heat: Callable[[Float[Array, " node"]], Float[Array, " node"]]
 
     def place(self, node: str) -> int:
@@ -186,12 +190,18 @@ def _without(conductance: dict[Link, Array], node: str) -> dict[Link, Array]:
 
 
 class Linearised(eqx.Module):
-    """A network as dT/dt = A T + q."""
+    """A network as dT/dt = A T + q.
 
-    # Names of the nodes in the order of rows and columns: sorted, those of the effects among them.
+    Attributes:
+        nodes: Names of the nodes in the order of rows and columns: sorted, those of the effects
+            among them.
+        A: State matrix [1/s], shape (node, node).
+        offset: q [K/s] for temperatures in degC, shape (node,).
+    """
+
     nodes: tuple[str, ...] = eqx.field(static=True)
-    A: Float[Array, "*draw node node"]  # State matrix [1/s], shape (node, node).
-    offset: Float[Array, "*draw node"]  # q [K/s] for temperatures in degC, shape (node,).
+    A: Float[Array, "*draw node node"]
+    offset: Float[Array, "*draw node"]
 
 
 def linearise(
@@ -346,12 +356,16 @@ def equilibrium(slope: Callable[[Vector], Vector], sink: Vector) -> Vector:
 
 
 class SteadyCurrent(NamedTuple):
-    """The current that holds the copper at a temperature."""
+    """The current that holds the copper at a temperature.
 
-    # Squared rms phase current [A^2]; negative where the other losses alone make the copper hotter,
-    # NaN where none was found.
+    Attributes:
+        squared: Squared rms phase current [A^2]; negative where the other losses alone make the
+            copper hotter, NaN where none was found.
+        temperature: Temperature by node [degC].
+    """
+
     squared: Float[Array, ""]
-    temperature: dict[str, Float[Array, ""]]  # Temperature by node [degC].
+    temperature: dict[str, Float[Array, ""]]
 
 
 def steady_current(

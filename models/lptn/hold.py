@@ -17,11 +17,14 @@ from .stepping import mean, stages
 
 
 class Held(NamedTuple):
-    """Where a drive that was held has led."""
+    """Where a drive that was held has led.
 
-    # Temperature by node at the end [degC], nodes of effects among them.
+    Attributes:
+        last: Temperature by node at the end [degC], nodes of effects among them.
+        highest: Highest temperature by node at the edges of the steps [degC], the start's too.
+    """
+
     last: dict[str, Float[Array, ""]]
-    # Highest temperature by node at the edges of the steps [degC], the start's too.
     highest: dict[str, Float[Array, ""]]
 
 

@@ -23,29 +23,35 @@ class Inputs(eqx.Module):
     A mean of the *square* of the current is kept, not the square of its mean, because the loss
     follows the former. Between edges every quantity counts as constant, so a coarse grid stays
     exact in energy.
+
+    Attributes:
+        step: Length of the intervals [s]: a scalar if all are equal (the fast path), else
+            shape (time,).
+        current_squared: Mean of the squared rms phase current [A^2], shape (time,).
+        losses: Mean of the measured loss channel [W], shape (time,); its meaning is declared by
+            `lptn.CopperLosses.kind`.
+        ambient: Mean temperature T0 of the sink [degC], shape (time,).
+        speed: Mean mechanical speed [rad/s], shape (time,), or None if not recorded.
+        coolant: Mean coolant temperature [degC], shape (time,), or None.
+        fan: Fan or coolant flow relative to its rated value [1], shape (time,), or None.
+        shaft_power: Mean mechanical power Pm, positive as a motor [W], shape (time,), or None.
+        second_sink: Mean temperature of the second sink [degC], shape (time,), or None; only a
+            network with a second boundary has a use for it.
+        rated_speed: Speed that laws are scaled with [rad/s].
+        rated_current: Rms current that laws are scaled with [A].
     """
 
-    # Length of the intervals [s]: a scalar if all are equal (the fast path), else shape (time,).
     step: Float[Any, "..."]
-    # Mean of the squared rms phase current [A^2], shape (time,).
     current_squared: Float[Any, " time"]
-    # Mean of the measured loss channel [W], shape (time,); its meaning is declared by
-    # `lptn.CopperLosses.kind`.
     losses: Float[Any, " time"]
-    ambient: Float[Any, " time"]  # Mean temperature T0 of the sink [degC], shape (time,).
-    # Mean mechanical speed [rad/s], shape (time,), or None if not recorded.
+    ambient: Float[Any, " time"]
     speed: Float[Any, " time"] | None = None
-    # Mean coolant temperature [degC], shape (time,), or None.
     coolant: Float[Any, " time"] | None = None
-    # Fan or coolant flow relative to its rated value [1], shape (time,), or None.
     fan: Float[Any, " time"] | None = None
-    # Mean mechanical power Pm, positive as a motor [W], shape (time,), or None.
     shaft_power: Float[Any, " time"] | None = None
-    # Mean temperature of the second sink [degC], shape (time,), or None; only a network with a
-    # second boundary has a use for it.
     second_sink: Float[Any, " time"] | None = None
-    rated_speed: Float[Any, ""] | float = 1.0  # Speed that laws are scaled with [rad/s].
-    rated_current: Float[Any, ""] | float = 1.0  # Rms current that laws are scaled with [A].
+    rated_speed: Float[Any, ""] | float = 1.0
+    rated_current: Float[Any, ""] | float = 1.0
 
     def __check_init__(self) -> None:
         if jnp.ndim(self.current_squared) != 1:
@@ -109,20 +115,32 @@ class Inputs(eqx.Module):
 
 
 class Drive(eqx.Module):
-    """The inputs of one interval (scalars), or of all of them (arrays): what an effect sees."""
+    """The inputs of one interval (scalars), or of all of them (arrays): what an effect sees.
 
-    time: Float[Array, "..."]  # Middle of the interval since the start of the test [s].
-    current_squared: Float[Array, "..."]  # Mean squared rms phase current [A^2].
-    losses: Float[Array, "..."]  # Mean of the measured loss channel [W].
-    ambient: Float[Array, "..."]  # Sink temperature T0 [degC].
-    speed: Float[Array, "..."] | None  # Speed over rated speed [1], or None.
-    speed_rad: Float[Array, "..."] | None  # Speed [rad/s], or None.
-    coolant: Float[Array, "..."] | None  # Coolant temperature [degC], or None.
-    fan: Float[Array, "..."] | None  # Fan or flow over its rated value [1], or None.
-    # Mean squared current over the squared rated current [1].
+    Attributes:
+        time: Middle of the interval since the start of the test [s].
+        current_squared: Mean squared rms phase current [A^2].
+        losses: Mean of the measured loss channel [W].
+        ambient: Sink temperature T0 [degC].
+        speed: Speed over rated speed [1], or None.
+        speed_rad: Speed [rad/s], or None.
+        coolant: Coolant temperature [degC], or None.
+        fan: Fan or flow over its rated value [1], or None.
+        current_ratio_squared: Mean squared current over the squared rated current [1].
+        shaft_power: Mechanical power [W], or None.
+        second_sink: Temperature of the second sink [degC], or None.
+    """
+
+    time: Float[Array, "..."]
+    current_squared: Float[Array, "..."]
+    losses: Float[Array, "..."]
+    ambient: Float[Array, "..."]
+    speed: Float[Array, "..."] | None
+    speed_rad: Float[Array, "..."] | None
+    coolant: Float[Array, "..."] | None
+    fan: Float[Array, "..."] | None
     current_ratio_squared: Float[Array, "..."]
-    shaft_power: Float[Array, "..."] | None = None  # Mechanical power [W], or None.
-    # Temperature of the second sink [degC], or None.
+    shaft_power: Float[Array, "..."] | None = None
     second_sink: Float[Array, "..."] | None = None
 
     @classmethod

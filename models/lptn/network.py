@@ -21,19 +21,25 @@ Link = tuple[str, str]
 
 
 class Network(eqx.Module):
-    """A lumped-parameter thermal network."""
+    """A lumped-parameter thermal network.
 
-    capacitance: dict[str, Float[Array, ""]]  # Heat capacity by node [J/K].
-    resistance: dict[Link, Float[Array, ""]]  # Thermal resistance by link [K/W].
-    # Share of the losses other than copper that heats each node [1]; the shares add up to one.
-    # Nodes that are not named get none.
+    Attributes:
+        capacitance: Heat capacity by node [J/K].
+        resistance: Thermal resistance by link [K/W].
+        share: Share of the losses other than copper that heats each node [1]; the shares add up
+            to one. Nodes that are not named get none.
+        copper_node: Node that the copper loss heats and whose temperature sets R(T).
+        boundary: Name of the end of a link that is held at T0.
+        second_boundary: Name of the end of a link that is held at the temperature of a second
+            sink, such as the air around a machine whose yoke is cooled by a liquid; empty
+            where there is none.
+    """
+
+    capacitance: dict[str, Float[Array, ""]]
+    resistance: dict[Link, Float[Array, ""]]
     share: dict[str, Float[Array, ""]]
-    # Node that the copper loss heats and whose temperature sets R(T).
     copper_node: str = eqx.field(static=True, default="winding")
-    # Name of the end of a link that is held at T0.
     boundary: str = eqx.field(static=True, default="ambient")
-    # Name of the end of a link that is held at the temperature of a second sink, such as the air
-    # around a machine whose yoke is cooled by a liquid; empty where there is none.
     second_boundary: str = eqx.field(static=True, default="")
 
     def __check_init__(self) -> None:
@@ -171,29 +177,35 @@ class CopperLosses(eqx.Module):
     Under `kind="balance"` the channel is the measured total Pd (electrical in minus mechanical
     out), so the rest is P_ol = Pd - P_js and a warmer winding moves heat from the stator to
     itself. Under `kind="map"` the channel is P_ol alone, and P_js comes on top.
+
+    Attributes:
+        Rs0: Phase resistance at `reference_temperature` [ohm].
+        reference_temperature: Temperature that Rs0 holds for [degC].
+        coefficient: B of the material [degC].
+        phases: Number of phases m [1].
+        kind: What the loss channel means.
+        power_gain: Correction of the loss channel [1]; the model uses (1 + gain) Pd.
+        torque_offset: Correction of the torque signal, to be added to it [N m]; the model uses
+            Pd - offset * speed. It has a meaning under `kind="balance"` only.
+        ambient_offset: Correction of the sink temperature, to be added to it [K].
+        current_gain: Correction of the current [1]; the model uses (1 + gain) Is.
+        shaft_power_gain: Correction of the mechanical power [1]; the model uses Pd - gain Pm. As
+            the offset, it has a meaning under `kind="balance"` only.
+        shaft_power_offset: Correction of the mechanical power, to be added to it [W].
+        second_sink_offset: Correction of the second sink's temperature, to be added to it [K].
     """
 
-    Rs0: Float[Array, ""]  # Phase resistance at `reference_temperature` [ohm].
-    reference_temperature: Float[Array, ""] | float = 25.0  # Temperature that Rs0 holds for [degC].
-    coefficient: Float[Array, ""] | float = COPPER_COEFFICIENT  # B of the material [degC].
-    phases: int = eqx.field(static=True, default=3)  # Number of phases m [1].
-    # What the loss channel means.
+    Rs0: Float[Array, ""]
+    reference_temperature: Float[Array, ""] | float = 25.0
+    coefficient: Float[Array, ""] | float = COPPER_COEFFICIENT
+    phases: int = eqx.field(static=True, default=3)
     kind: Literal["balance", "map"] = eqx.field(static=True, default="balance")
-    # Correction of the loss channel [1]; the model uses (1 + gain) Pd.
     power_gain: Float[Array, ""] | float = 0.0
-    # Correction of the torque signal, to be added to it [N m]; the model uses Pd - offset * speed.
-    # It has a meaning under `kind="balance"` only.
     torque_offset: Float[Array, ""] | float = 0.0
-    # Correction of the sink temperature, to be added to it [K].
     ambient_offset: Float[Array, ""] | float = 0.0
-    # Correction of the current [1]; the model uses (1 + gain) Is.
     current_gain: Float[Array, ""] | float = 0.0
-    # Correction of the mechanical power [1]; the model uses Pd - gain Pm. As the offset, it has a
-    # meaning under `kind="balance"` only.
     shaft_power_gain: Float[Array, ""] | float = 0.0
-    # Correction of the mechanical power, to be added to it [W].
     shaft_power_offset: Float[Array, ""] | float = 0.0
-    # Correction of the second sink's temperature, to be added to it [K].
     second_sink_offset: Float[Array, ""] | float = 0.0
 
     def slope(self, current_squared: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -232,13 +244,19 @@ def copper_loss(
 
 
 class Sensor(eqx.Module):
-    """A thermometer in one node with a scale and an offset error, and a lag if it has one."""
+    """A thermometer in one node with a scale and an offset error, and a lag if it has one.
 
-    node: str = eqx.field(static=True, default="winding")  # Node that it sits in.
-    gain: Float[Array, ""] | float = 0.0  # Relative error of the rise above the sink [1].
-    offset: Float[Array, ""] | float = 0.0  # Constant error [K].
-    # Time constant of a first-order lag [s]; None for a sensor that follows at once. It starts in
-    # equilibrium.
+    Attributes:
+        node: Node that it sits in.
+        gain: Relative error of the rise above the sink [1].
+        offset: Constant error [K].
+        lag: Time constant of a first-order lag [s]; None for a sensor that follows at once. It
+            starts in equilibrium.
+    """
+
+    node: str = eqx.field(static=True, default="winding")
+    gain: Float[Array, ""] | float = 0.0
+    offset: Float[Array, ""] | float = 0.0
     lag: Float[Array, ""] | float | None = None
 
     def read(

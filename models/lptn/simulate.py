@@ -17,17 +17,26 @@ from .stepping import State, heat_balance, loss_split, mean, rates, stages
 
 
 class Trace(eqx.Module):
-    """What the network did: temperatures at the edges, flows as means over the intervals."""
+    """What the network did: temperatures at the edges, flows as means over the intervals.
 
-    time: Float[Array, " edge"]  # Times of the edges [s], shape (time + 1,).
-    temperature: dict[str, Float[Array, " edge"]]  # Temperature by node [degC], shape (time + 1,).
-    reading: Float[Array, " edge"]  # What the sensor reads [degC], shape (time + 1,).
-    # Heat flow by link, first end to second [W], shape (time,). P_ws is `flow["winding",
-    # "stator"]`, P_se is `flow["stator", "ambient"]`.
+    Attributes:
+        time: Times of the edges [s], shape (time + 1,).
+        temperature: Temperature by node [degC], shape (time + 1,).
+        reading: What the sensor reads [degC], shape (time + 1,).
+        flow: Heat flow by link, first end to second [W], shape (time,). P_ws is
+            `flow["winding", "stator"]`, P_se is `flow["stator", "ambient"]`.
+        heat: Heat put into each node [W], shape (time,).
+        copper_loss: P_js [W], shape (time,).
+        other_loss: P_ol [W], shape (time,).
+    """
+
+    time: Float[Array, " edge"]
+    temperature: dict[str, Float[Array, " edge"]]
+    reading: Float[Array, " edge"]
     flow: dict[Link, Float[Array, " time"]]
-    heat: dict[str, Float[Array, " time"]]  # Heat put into each node [W], shape (time,).
-    copper_loss: Float[Array, " time"]  # P_js [W], shape (time,).
-    other_loss: Float[Array, " time"]  # P_ol [W], shape (time,).
+    heat: dict[str, Float[Array, " time"]]
+    copper_loss: Float[Array, " time"]
+    other_loss: Float[Array, " time"]
 
 
 def simulate(

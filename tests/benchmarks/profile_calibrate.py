@@ -148,7 +148,7 @@ def run(words: Sequence[str], told: Path) -> int:
         import heatrun.calibration
 
         monitoring.register_event_duration_secs_listener(profile.took)
-        heatrun.calibration.at_once = lambda function, items: [function(each) for each in items]
+        heatrun.calibration.beside = lambda function, items: [function(each) for each in items]
         for phase, place in PHASES.items():
             module, name = place.rsplit(".", 1)
             holder = import_module(module)

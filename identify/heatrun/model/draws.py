@@ -232,8 +232,12 @@ def _differences(
     return jax.tree.map(lambda each: each[0::2] - each[1::2], means)
 
 
-AT_A_TIME = 50
-"""Draws that are simulated side by side; there are as many, or a multiple of them."""
+AT_A_TIME, OF_LONG = 50, 10
+"""Draws that are simulated side by side, and those of a long test; there are as many, or a multiple
+of them."""
+
+LONG = 20_000
+"""Steps from which on a test is long: more lanes of it take hundreds of megabytes [1]."""
 
 
 class Courses(NamedTuple):
@@ -292,4 +296,5 @@ def _courses(model: Model, values: dict[str, Float[Array, " draw"]], test: Obser
             flows={n: means(P) for n, P in trace.flow.items()},
         )
 
-    return jax.lax.map(one, values, batch_size=AT_A_TIME)
+    at_a_time = AT_A_TIME if test.weight.size < LONG else OF_LONG
+    return jax.lax.map(one, values, batch_size=at_a_time)

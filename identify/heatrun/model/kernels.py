@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from threading import Lock
+from threading import Lock, local
 from typing import Any, TypeVar
 
 import equinox as eqx
@@ -28,13 +28,28 @@ FEW = 4
 """Batches below which threads are not worth their start."""
 
 
+HERE = local()
+
+POOL = ThreadPoolExecutor(os.cpu_count(), initializer=partial(setattr, HERE, "is_worker", True))
+"""The same threads throughout: each keeps for itself what memory it has used."""
+
+
 def at_once(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
     """Return what a function gives for each item, worked out on all cores.
 
     Compiled code runs on one core and lets other threads run; what Python does in between is done
-    by one thread at a time.
+    by one thread at a time. What one of the threads asks for in its turn, it does itself.
     """
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    if getattr(HERE, "is_worker", False):
+        return [function(item) for item in items]
+    return list(POOL.map(function, items))
+
+
+def beside(function: Callable[[Item], Result], items: Sequence[Item]) -> list[Result]:
+    """Return what a function gives for a few long items, each in a thread that asks for all cores
+    in its turn.
+    """
+    with ThreadPoolExecutor(len(items)) as pool:
         return list(pool.map(function, items))
 
 

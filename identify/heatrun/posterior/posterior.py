@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from ..fit.fit_result import Fit
 from ..model.draws import Draws, PlausibleEffects, of_network
-from ..model.kernels import at_once
+from ..model.kernels import beside
 from .convergence import FULL, QUICK, Convergence, is_one_law, judge
 from .importance import importance_sample, starting_sample
 from .proposal import Proposal
@@ -227,7 +227,7 @@ def sample(
 
     while True:
         chunks = max(1, int(LOOK_AGAIN * num_steps / CHUNK))
-        at_once(
+        beside(
             lambda ensemble, num=chunks: ensemble.advance(
                 CHUNK, num, tell if ensemble is ensembles[0] else None
             ),

@@ -15,7 +15,7 @@ from ..io.programs import compiled
 from ..model import noise as noise_module
 from ..model.bodies import BodyCourse, body_courses, own_errors, own_name, told_bodies
 from ..model.discrepancy import heat_columns
-from ..model.draws import Draws, PlausibleEffects, courses, of_network
+from ..model.draws import AT_A_TIME, Draws, PlausibleEffects, courses, of_network
 from ..model.model import Model
 from ..model.model_parameters import parameters
 from ..model.noise import Noise, scales_of
@@ -392,7 +392,11 @@ def _as_other_tests_tell(draws: Draws, test: Blocks) -> dict[str, Parameter]:
 @compiled(is_seldom=True)
 def _errors(noise: Noise, seed: Int[Array, ""], test: Observation) -> Float[Array, "draw block"]:
     keys = jax.random.split(jax.random.key(seed), noise.sd.shape[0])
-    return jax.vmap(lambda noise, key: noise_module.draw(key, noise, test))(noise, keys)
+
+    def one(of_draw: tuple[Noise, Array]) -> Float[Array, " block"]:
+        return noise_module.draw(of_draw[1], of_draw[0], test)
+
+    return jax.lax.map(one, (noise, keys), batch_size=AT_A_TIME)
 
 
 def _limits(draws: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:

@@ -12,6 +12,7 @@ from jaxtyping import Float, Int
 from scipy.special import logsumexp
 
 from ..fit.fit_result import Fit
+from ..model.draws import LONG
 from ..model.kernels import in_batches
 from ..model.problem import log_posterior_batch
 
@@ -94,8 +95,9 @@ PARETO_LIMIT = 0.7
 LEAST_EFFECTIVE = 400
 """Smallest effective sample size at which importance sampling can be trusted."""
 
-BATCH = 32
-"""Draws evaluated at once, half an ensemble: more of them fall out of the cache."""
+BATCH, OF_LONG = 32, 8
+"""Draws evaluated at once, half an ensemble: more of them fall out of the cache; and those of a
+`LONG` test."""
 
 
 class AbstractDrawn(Protocol):
@@ -213,7 +215,8 @@ def truncated(weights: Float[np.ndarray, " draw"]) -> Float[np.ndarray, " draw"]
 def evaluate(fit: Fit, vectors: Float[np.ndarray, "draw all"]) -> Float[np.ndarray, " draw"]:
     """Return the log posterior of many vectors."""
     structure, data = fit.problem.structure, fit.problem.data
-    return in_batches(partial(log_posterior_batch, structure, data), vectors, BATCH)
+    size = OF_LONG if any(test.weight.size > LONG for test in data.tests) else BATCH
+    return in_batches(partial(log_posterior_batch, structure, data), vectors, size)
 
 
 ROUNDS = 5

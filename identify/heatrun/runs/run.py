@@ -161,12 +161,18 @@ class Run:
     """What a calibration or a discovery left, read back from its folder.
 
     Nothing is changed by reading; every file is compared with the digest in the manifest first.
+
+    Attributes:
+        path: The folder.
+        result: What `fit.json` says.
+        read: Reads a file of the run.
+        is_finished: Whether it has its manifest; only then are files compared with it.
     """
 
-    path: Path  # The folder.
-    result: FitResult  # What `fit.json` says.
-    read: Read = Path.read_bytes  # Reads a file of the run.
-    is_finished: bool = True  # Whether it has its manifest; only then are files compared with it.
+    path: Path
+    result: FitResult
+    read: Read = Path.read_bytes
+    is_finished: bool = True
 
     def __repr__(self) -> str:
         """Return it on one line: the whole result is thousands of them."""

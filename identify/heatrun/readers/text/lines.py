@@ -194,7 +194,7 @@ def _utf16_without_mark(data: bytes) -> str | None:
 RAGGED_LIMIT = 0.1
 """Share of lines with another number of cells beyond which the layout was not understood."""
 
-PIECE_BYTES = 2**24
+PIECE_BYTES = 2**20
 
 LEAST_SPACED = 3
 """Lines from which on a blank line behind each is a way of writing and no missing sample."""
