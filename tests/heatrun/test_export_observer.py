@@ -344,8 +344,8 @@ def test_a_reading_of_another_moment_than_the_inputs_is_no_fault(tmp_path, early
 def test_a_lag_is_told_of_a_slow_winding_too():
     """What it leaves within some minutes is less than the constant errors of sensor and model."""
     slow = source("second", Ceq_w=2e4, Req_w=0.2)
-    made = replace(slow, missed=replace(
-        MISSED, slow_K=0.1, white_K=0.01, sensor_K=0.5, sink_K=0.5, share=0.02, answer=0.04))  # fmt: skip
+    more = {"sensor_K": 0.5, "sink_K": 0.5, "share": 0.02, "answer": 0.04}
+    made = replace(slow, missed=replace(MISSED, slow_K=0.1, white_K=0.01, **more))
     read = {lag_s: replace(made, of_run={**made.of_run, **read_late(made, lag_s)}).readings()
             for lag_s in (0.0, 60.0)}  # fmt: skip
     assert faults(made, [read[0.0]]) == 0
