@@ -388,8 +388,8 @@ def table(rows: Sequence[Row], seed: int) -> str:
                 )
     lines += ["", "## When faults are told", "",
               f"Seconds from the fault, which begins {LEAD_S} s before the largest change of load. "
-              "What hides a lag: a load that stays as it is; a replica for laws that C lacks, "
-              "whose distance from the model counts as noise.", "",
+              "What hides a lag: slow noise, losses that are not known well, and what the network "
+              "misses.", "",
               *heads("fault | machines | told | | median | 90 % within")]  # fmt: skip
     for fault in WITHIN_S:
         for half, (chosen, _) in halves.items():
