@@ -531,10 +531,13 @@ def state_matrix(truth):
                      [1 / (s * inner), -1 / (s * inner) - 1 / (s * outer)]])  # fmt: skip
 
 
-def write_readings(folder, truth, first_s):
-    """The reference motor's winding between two terminals, after switch-off."""
+def write_readings(folder, truth, first_s, within_K=0.0):
+    """The reference motor's winding between two terminals, after switch-off; a part of it is hotter
+    than the rest by so much, with a third of its time constant.
+    """
     A, time_s = state_matrix(truth), np.arange(first_s, first_s + 300.0, 15.0)
     winding = ROOM + np.array([(expm(A * t) @ HOT)[0] for t in time_s])
+    winding += within_K * np.exp(-3.0 * time_s / (truth["Ceq_w"] * truth["Req_w"]))
     scatter = np.random.default_rng(4).normal(1.0, 1e-4, time_s.size)
     ohm = 0.0124 * (234.5 + winding) / (234.5 + 25.0) * scatter
     lines = [f"{t:.0f},{1e3 * R:.6f}" for t, R in zip(time_s, ohm, strict=True)]
@@ -578,12 +581,21 @@ def test_a_run_brings_its_time_constants_along(day, truth, capsys):
     assert "network second" in with_run["prior"]
 
 
+@pytest.mark.parametrize("within_K", [0.0, 9.0])
+def test_a_run_leaves_room_for_what_its_network_lumps(day, truth, capsys, within_K):
+    write_readings(day, truth, 30.0, within_K)
+    words = ["shutdown", "motor.toml", "readings.csv", "--json", "--run", "run"]
+    assert cli.main([*words, "--model", "second"]) == 0
+    low, high = json.loads(capsys.readouterr().out)["winding_95_degC"]
+    assert low < ROOM + HOT[0] + within_K < high
+
+
 def test_the_prior_is_that_of_the_draws(day, truth):
     write_readings(day, truth, 30.0)
     motor = load_motor(day / "motor.toml")
     modes = modes_of_run(day / "run", read_readings(day / "readings.csv", motor), "second")
     expected = np.sort(-1.0 / np.linalg.eigvals(state_matrix(truth)).real)
-    # an hour of duty at 1 Hz, quickly sampled, and 5 % beside it
+    # an hour of duty at 1 Hz, quickly sampled
     np.testing.assert_allclose(np.exp(modes.log_times), expected, rtol=0.1)
     z = np.random.default_rng(0).standard_normal((4000, len(modes.of_times)))
     tau = modes.times(z)

@@ -110,6 +110,9 @@ ASKS_NOTHING = (-1.0, 0.0, 0.0)
 START_SD_K = 5.0
 """How well the temperatures at the start of a course are known [K]."""
 
+LATE_S = 60.0
+"""Lag of a sensor that is looked for [s]; what others leave is much like it."""
+
 LEAST_STUCK_K = 2.0
 """Sensors of a resolution of 1 K stand still as long as the machine changes by less [K]."""
 
@@ -263,7 +266,8 @@ class CSource:
     def state_bytes(self) -> int:
         """Size of an observer in double [bytes]: `heatrun_observer` of the template."""
         nodes, heats, num = len(self.nodes), len(self.heated), self.num_states
-        return 8 * (2 * nodes + heats + self.is_apart + num * (num + 1) // 2 + 13) + 4 * 8
+        covariances = (num - 4) * (num + 5) // 2  # the four constants have none with each other
+        return 8 * (2 * nodes + heats + self.is_apart + covariances + 25) + 4 * 8
 
     @property
     def has_observer(self) -> bool:
@@ -558,6 +562,8 @@ class CSource:
             "share_sd": repr(missed.share),
             "losses_sd": repr(missed.losses),
             "answer_sd": repr(missed.answer),
+            "misfit_sd": repr(missed.misfit_K),
+            "late_decay": repr(math.exp(-self.step / LATE_S)),
             "answer_decay": repr(math.exp(-self.step * rate)),
             "heat_decay": repr(math.exp(-self.step / heat_s)),
             "errors": repr(float(W_per_K) * math.hypot(missed.sensor_K, missed.sink_K)),

@@ -101,6 +101,22 @@ RATE, RATE_SD = np.array([0.35, 0.55]), 0.3
 """Share of the modes of winding in that rate [1]."""
 
 
+def winding_drops(rise_K: float, tau: np.ndarray, heated: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return mean and standard deviation of the drops of the winding's modes [K], as `tau`.
+
+    Args:
+        rise_K: Of the first reading.
+        tau: Time constants of the modes, the one within the winding first [s], shape (draw, mode).
+        heated: Standard normal number of how fast the copper was heated, shape (draw, 1).
+    """
+    num = tau.shape[1]
+    heated_K = HEATED_K_PER_S * np.exp(HEATED_LOG_SD * heated) * tau
+    by_rate, by_share = (RATE_SD * heated_K) ** -2.0, (rise_K * SHARE_SD[:num]) ** -2.0
+    both = by_rate + by_share
+    mean = RATE[:num] * heated_K * by_rate + rise_K * SHARE[:num] * by_share
+    return mean / both, both**-0.5
+
+
 @dataclass(frozen=True, kw_only=True)
 class UsualModes(AbstractModes):
     """Two modes of the winding, one of teeth and rotor, one of the housing, of any machine.
@@ -145,11 +161,7 @@ class UsualModes(AbstractModes):
         tau, rise = self.times(z), max(self.rise_K, 5.0)
         mean = np.tile(rise * SHARE, (len(z), 1))
         sd = np.tile(rise * SHARE_SD, (len(z), 1))
-        heated_K = HEATED_K_PER_S * np.exp(HEATED_LOG_SD * z[:, 4:5]) * tau[:, :2]
-        by_rate, by_share = (RATE_SD * heated_K) ** -2.0, sd[:, :2] ** -2.0
-        both = by_rate + by_share
-        mean[:, :2] = (RATE * heated_K * by_rate + mean[:, :2] * by_share) / both
-        sd[:, :2] = both**-0.5
+        mean[:, :2], sd[:, :2] = winding_drops(rise, tau[:, :2], z[:, 4:5])
         present = is_there(z[:, [5, 6]])
         mean[:, [0, 2]] *= present
         sd[:, [0, 2]] *= present

@@ -45,17 +45,18 @@ static const heatrun_real LOSSES_SD = R($losses_sd);
 static const heatrun_real ERRORS_W = R($errors); /* heat that errors of sensor and sink look like */
 static const heatrun_real BLIND_K = R($blind); /* growth in a step without inputs */
 static const heatrun_real ANSWER_SD = R($answer_sd); /* of a fresh change, over that change */
+static const heatrun_real MISFIT_SD_K = R($misfit_sd); /* of the network, with the slow noise */
+static const heatrun_real LATE_DECAY = R($late_decay); /* of what a sensor that lags has not shown */
 static const heatrun_real ANSWER_DECAY = R($answer_decay); /* with the time of the sensed node */
 
-/* Place of a covariance in the lower triangle. */
+/* Place of a covariance in the lower triangle, whose rows are no longer than the first constant:
+ * constants stay independent, with their variances. */
 static int place(int i, int j)
 {
-    return i < j ? j*(j + 1)/2 + i : i*(i + 1)/2 + j;
-}
-
-static heatrun_real covariance(const heatrun_observer *observer, int i, int j)
-{
-    return observer->covariance[place(i, j)];
+    const int row = i < j ? j : i;
+    const int column = i < j ? i : j;
+    return (row < CONSTANT ? row*(row + 1)/2 : CONSTANT*(CONSTANT + 1)/2 + (row - CONSTANT)*CONSTANT)
+        + column;
 }
 
 /* Square root by Newton's method, after powers of four are taken out; 0 for NaN. */
@@ -91,6 +92,13 @@ static heatrun_real start_variance(int i)
         : i == LOSSES_ERROR          ? LOSSES_SD
                                      : R(0.0);
     return sd*sd;
+}
+
+static heatrun_real covariance(const heatrun_observer *observer, int i, int j)
+{
+    return i < CONSTANT || j < CONSTANT ? observer->covariance[place(i, j)]
+        : i == j                        ? start_variance(i)
+                                        : R(0.0);
 }
 
 /* The network near its temperatures: what a kelvin more of each node, and then of the sinks, adds
@@ -185,7 +193,7 @@ static void predict_covariance(heatrun_observer *observer, const drive *at,
         }
     }
     for (i = 0; i < NUM_STATES; ++i) {
-        for (j = 0; j <= i; ++j) {
+        for (j = 0; j <= i && j < CONSTANT; ++j) {
             heatrun_real sum = R(0.0);
             for (k = 0; k < NUM_STATES; ++k) {
                 sum += product[i][k]*F[k][j];
@@ -208,6 +216,19 @@ static void widen(heatrun_observer *observer, heatrun_real more_K)
     }
 }
 
+/* Variance of a reading by its moment while the model moves: inputs may show a change of load
+ * later or earlier than the reading does. */
+static heatrun_real by_moment(heatrun_real change_K)
+{
+    const heatrun_real moment_K = R(HEATRUN_MOMENT_STEPS)*change_K;
+    return moment_K*moment_K;
+}
+
+static int is_beyond(heatrun_real apart_K, heatrun_real variance_K2)
+{
+    return apart_K*apart_K > R(HEATRUN_OFF_SDS)*R(HEATRUN_OFF_SDS)*variance_K2;
+}
+
 /* Covariance of each state with the next reading, and the variance of that, white noise included. */
 static heatrun_real foreseen(const heatrun_observer *observer, heatrun_real seen[NUM_STATES])
 {
@@ -216,7 +237,7 @@ static heatrun_real foreseen(const heatrun_observer *observer, heatrun_real seen
         seen[i] = covariance(observer, i, SHOWN) + covariance(observer, i, SLOW)
             + covariance(observer, i, CONSTANT);
     }
-    return seen[SHOWN] + seen[SLOW] + seen[CONSTANT]
+    return seen[SHOWN] + seen[SLOW] + seen[CONSTANT] + by_moment(observer->change_K)
         + R(HEATRUN_READING_SD_K)*R(HEATRUN_READING_SD_K);
 }
 
@@ -257,7 +278,7 @@ static void correct(heatrun_observer *observer, heatrun_real innovation_K)
         for (j = 0; j <= (i < CONSTANT ? i : CONSTANT - 1); ++j) {
             observer->covariance[place(i, j)] -= seen[i]*seen[j]/variance_K2;
         }
-        if (!(covariance(observer, i, i) > R(0.0))) {
+        if (i < CONSTANT && !(covariance(observer, i, i) > R(0.0))) {
             observer->covariance[place(i, i)] = R(0.0); /* rounding */
         }
     }
@@ -292,9 +313,54 @@ static int has_jumped(const heatrun_observer *observer)
         && R(2.0)*size(observer->jumped_K) >= size(observer->apart_K);
 }
 
+/* Moving means of x, and of how it goes with what a sensor that lags has not shown. */
+static heatrun_real followed(heatrun_followed *of, heatrun_real x, heatrun_real late_K,
+                             heatrun_real rate)
+{
+    of->with_late = (R(1.0) - rate)*(of->with_late + rate*late_K*(x - of->mean));
+    of->mean += rate*(x - of->mean);
+    return of->with_late;
+}
+
+/* Whether the sensor has been followed for long without need: by the mean of what readings and
+ * model differ by, or as that goes with what a sensor that lags has not shown. Noise is averaged
+ * away; for the latter errors that stay count by as much as they differ meanwhile. */
+static int is_astray(heatrun_observer *observer, heatrun_real apart_K, heatrun_real stays_K2)
+{
+    const int num = observer->num_good < HEATRUN_MEAN_STEPS ? observer->num_good + 1
+                                                            : HEATRUN_MEAN_STEPS;
+    const heatrun_real rate = R(1.0)/R(num);
+    const heatrun_real slow_share = rate/(rate + R(1.0) - SLOW_DECAY);
+    const heatrun_real noise_K2 = rate*R(HEATRUN_READING_SD_K)*R(HEATRUN_READING_SD_K)
+        + slow_share*R(HEATRUN_SLOW_SD_K)*R(HEATRUN_SLOW_SD_K);
+    const heatrun_real misfit_K2 = slow_share*MISFIT_SD_K*MISFIT_SD_K;
+    const heatrun_real late_K = observer->late_K - observer->late.mean;
+    const heatrun_real late_K2 = followed(&observer->late, observer->late_K, late_K, rate);
+    const heatrun_real apart_K2 = followed(&observer->apart, apart_K, late_K, rate);
+    const heatrun_real prompt_K2 = followed(&observer->prompt, ANSWER_SD*observer->fresh_K
+        + R(HEATRUN_MOMENT_STEPS)*observer->change_K, late_K, rate);
+    const heatrun_real stays_late_K2 = followed(&observer->stays, root(stays_K2), late_K, rate);
+    observer->mean_K2 += rate*((stays_K2 > R(0.0) ? stays_K2 : R(0.0)) - observer->mean_K2);
+    return is_beyond(observer->apart.mean, observer->mean_K2 + noise_K2)
+        || (apart_K2 < R(0.0)
+            && is_beyond(apart_K2, late_K2*(noise_K2 + misfit_K2) + prompt_K2*prompt_K2
+                                       + stays_late_K2*stays_late_K2));
+}
+
+/* Nothing has been followed yet. */
+static void forget(heatrun_observer *observer)
+{
+    static const heatrun_followed NOTHING = {R(0.0), R(0.0)};
+    observer->late = NOTHING;
+    observer->apart = NOTHING;
+    observer->prompt = NOTHING;
+    observer->stays = NOTHING;
+    observer->mean_K2 = R(0.0);
+}
+
 /* Judge the sensor; return whether this reading may correct the model. */
-static int judge(heatrun_observer *observer, heatrun_real reading_degC, heatrun_real change_K,
-                 heatrun_real push_K, int forced)
+static int judge(heatrun_observer *observer, heatrun_real reading_degC, heatrun_real push_K,
+                 int forced)
 {
     heatrun_real seen[NUM_STATES];
     const heatrun_real fresh_K = ANSWER_SD*observer->fresh_K;
@@ -303,65 +369,64 @@ static int judge(heatrun_observer *observer, heatrun_real reading_degC, heatrun_
     const heatrun_real innovation_K = apart_K - observer->slow_K;
     const int is_first = observer->num_missing >= HEATRUN_LOST_STEPS;
     const heatrun_real num_steps = R(1 + observer->num_missing);
-    const heatrun_real changed_K = observer->changed_K + change_K;
+    const heatrun_real changed_K = observer->changed_K + observer->change_K;
     const heatrun_real own_K = is_first ? R(0.0) : reading_degC - observer->last_degC;
     /* from one reading to the next the constant errors drop out: noise shows there first */
-    const heatrun_real jump_K = is_first ? R(0.0) : own_K - changed_K;
+    const heatrun_real next_jump_K = is_first ? R(0.0) : own_K - changed_K;
     const heatrun_real answer_K = ANSWER_SD*changed_K;
     const heatrun_real renewed = num_steps*(R(1.0) - SLOW_DECAY);
     const heatrun_real white_K2 = R(HEATRUN_READING_SD_K)*R(HEATRUN_READING_SD_K);
     const heatrun_real slow_K2 = R(HEATRUN_SLOW_SD_K)*R(HEATRUN_SLOW_SD_K);
-    const heatrun_real jump_variance_K2 = answer_K*answer_K + num_steps*num_steps*push_K*push_K
-        + R(2.0)*white_K2 + R(2.0)*(renewed < R(1.0) ? renewed : R(1.0))*slow_K2;
-    const int is_jump = jump_K*jump_K > R(HEATRUN_OFF_SDS)*R(HEATRUN_OFF_SDS)*jump_variance_K2;
-    const heatrun_real left_K = observer->jumped_K + jump_K;
+    const heatrun_real next_jump_K2 = answer_K*answer_K + num_steps*num_steps*push_K*push_K
+        + R(2.0)*white_K2 + R(2.0)*(renewed < R(1.0) ? renewed : R(1.0))*slow_K2
+        + by_moment(observer->change_K - observer->last_change_K); /* the same moment each time */
+    /* the jump of the reading before: now the inputs have had the time to show it */
+    const heatrun_real jump_K = is_first ? R(0.0) : observer->jump_K;
+    const heatrun_real jump_K2 = observer->jump_K2
+        + (observer->num_missing > 0 ? R(0.0)
+           : by_moment(observer->change_K - observer->last_change_K));
+    const int is_jump = is_beyond(jump_K, jump_K2);
     const int is_same = !is_first && !(own_K < R(0.0)) && !(own_K > R(0.0));
     const int is_used = observer->belief == HEATRUN_SENSOR_OK;
     const heatrun_real stays_K2 = covariance(observer, SHOWN, SHOWN) + fresh_K*fresh_K
         + R(2.0)*covariance(observer, SHOWN, CONSTANT) + covariance(observer, CONSTANT, CONSTANT);
-    const heatrun_real rate = R(1.0)/R(HEATRUN_MEAN_STEPS);
-    int is_off = is_jump
-        || innovation_K*innovation_K > R(HEATRUN_OFF_SDS)*R(HEATRUN_OFF_SDS)*variance_K2;
+    int is_off = is_jump || is_beyond(innovation_K, variance_K2);
     heatrun_real stuck_K;
     int is_stuck, agrees;
     observer->changed_K = changed_K;
+    observer->jump_K2 = jump_K2;
     if (!is_temperature(reading_degC)) {
         observer->num_missing += is_first ? 0 : 1;
         return 0;
     }
     observer->last_degC = reading_degC;
+    observer->last_change_K = observer->change_K;
     observer->changed_K = R(0.0);
     observer->num_missing = 0;
     observer->apart_K = is_first ? apart_K
         : observer->apart_K + R(0.1)*(apart_K - observer->apart_K);
-    /* an offset stays where it has jumped to, until it jumps back, as far as the model can tell;
-       so does a reading that shows a change of load before the inputs do */
-    if (jump_K*observer->jumped_K < R(0.0) && R(2.0)*size(jump_K) > size(observer->jumped_K)
-        && (R(2.0)*size(left_K) < size(observer->jumped_K)
-            || left_K*left_K < R(HEATRUN_OFF_SDS)*R(HEATRUN_OFF_SDS)*jump_variance_K2)) {
+    /* an offset stays where it has jumped to, until it jumps back */
+    if (is_jump && R(2.0)*size(observer->jumped_K + jump_K) < size(observer->jumped_K)) {
         observer->has_returned = 1;
-        observer->jumped_K = is_used != 0 ? R(0.0) : observer->jumped_K; /* nothing came of it */
     } else if (R(2.0)*size(observer->apart_K) > size(observer->jumped_K)
                && R(2.0)*size(innovation_K) > size(observer->jumped_K)) {
         observer->has_returned = 0;
     }
-    if (is_jump && size(own_K) > size(changed_K) && size(jump_K) > size(observer->jumped_K)
+    if (is_jump && observer->is_own && size(jump_K) > size(observer->jumped_K)
         && (size(observer->jumped_K) > R(0.0) || (is_used && observer->is_proven))) {
         observer->jumped_K = jump_K;
     }
     is_off = is_off || (!observer->has_returned /* nearer to the jump than to the model */
         && R(2.0)*observer->jumped_K*innovation_K > observer->jumped_K*observer->jumped_K);
-    agrees = !is_off; /* so far: this reading may be used */
-    /* what the filter has followed for long without need: noise is averaged away */
+    agrees = !is_off && !is_beyond(next_jump_K, next_jump_K2); /* so far: it may be used */
+    observer->jump_K = next_jump_K;
+    observer->jump_K2 = next_jump_K2;
+    observer->is_own = size(own_K) > size(changed_K);
     if (is_used != 0) {
-        const heatrun_real noise_K2 = R(0.5)*rate*white_K2
-            + rate/(rate + R(1.0) - SLOW_DECAY)*slow_K2;
-        observer->mean_K += rate*(apart_K - observer->mean_K);
-        observer->mean_K2 += rate*((stays_K2 > R(0.0) ? stays_K2 : R(0.0)) - observer->mean_K2);
-        is_off = is_off || forced || observer->mean_K*observer->mean_K
-            > R(HEATRUN_OFF_SDS)*R(HEATRUN_OFF_SDS)*(observer->mean_K2 + noise_K2);
+        const int astray = is_astray(observer, apart_K, stays_K2);
+        is_off = is_off || forced || astray;
     }
-    observer->moved_K = is_same ? ANSWER_DECAY*observer->moved_K + change_K : R(0.0);
+    observer->moved_K = is_same ? ANSWER_DECAY*observer->moved_K + observer->change_K : R(0.0);
     observer->pushed_K = is_same ? ANSWER_DECAY*observer->pushed_K + push_K : R(0.0);
     stuck_K = R(HEATRUN_STUCK_K) + R(3.0)*observer->pushed_K;
     is_stuck = !is_within(observer->moved_K, -stuck_K, stuck_K)
@@ -406,8 +471,7 @@ static int judge(heatrun_observer *observer, heatrun_real reading_degC, heatrun_
         observer->belief = HEATRUN_SENSOR_OK;
         observer->num_good = 0;
         observer->jumped_K = R(0.0);
-        observer->mean_K = R(0.0);
-        observer->mean_K2 = R(0.0);
+        forget(observer);
     }
     return 0;
 }
@@ -433,10 +497,11 @@ static void spread(heatrun_observer *observer, heatrun_real sd_K)
 {
     int i, j;
     for (i = 0; i < NUM_STATES; ++i) {
-        for (j = 0; j <= i; ++j) {
-            observer->covariance[place(i, j)] = R(0.0);
+        for (j = 0; j <= i && j < CONSTANT; ++j) {
+            observer->covariance[place(i, j)] = j < i ? R(0.0)
+                : i < NUM_NODES                       ? sd_K*sd_K
+                                                      : start_variance(i);
         }
-        observer->covariance[place(i, i)] = i < NUM_NODES ? sd_K*sd_K : start_variance(i);
     }
 #if HEATRUN_HAS_LAG
     observer->shown_degC = sensed(observer->model.temperature_degC);
@@ -461,10 +526,14 @@ heatrun_status heatrun_observer_start(heatrun_observer *observer,
     }
     spread(observer, sd_K);
     observer->last_degC = R(0.0);
+    observer->last_change_K = R(0.0);
+    observer->jump_K = R(0.0);
+    observer->jump_K2 = R(0.0);
+    observer->change_K = R(0.0);
     observer->changed_K = R(0.0);
     observer->apart_K = R(0.0);
-    observer->mean_K = R(0.0);
-    observer->mean_K2 = R(0.0);
+    forget(observer);
+    observer->late_K = R(0.0);
     observer->jumped_K = R(0.0);
     observer->moved_K = R(0.0);
     observer->pushed_K = R(0.0);
@@ -475,6 +544,7 @@ heatrun_status heatrun_observer_start(heatrun_observer *observer,
     observer->num_good = 0;
     observer->num_missing = HEATRUN_LOST_STEPS; /* no reading yet */
     observer->is_proven = 0;
+    observer->is_own = 0;
     observer->has_moved = 0;
     observer->has_returned = 0;
     observer->belief = HEATRUN_SENSOR_OK;
@@ -529,8 +599,10 @@ heatrun_estimate heatrun_observer_step(heatrun_observer *observer, const heatrun
         spread(observer, R(MOST_SD_K));
         observer->is_proven = 0;
     }
-    observer->fresh_K = ANSWER_DECAY*observer->fresh_K + shown(observer) - shown_degC;
-    if (judge(observer, reading_degC, shown(observer) - shown_degC, push_K, forced) != 0) {
+    observer->change_K = shown(observer) - shown_degC;
+    observer->fresh_K = ANSWER_DECAY*observer->fresh_K + observer->change_K;
+    observer->late_K = LATE_DECAY*observer->late_K + observer->change_K;
+    if (judge(observer, reading_degC, push_K, forced) != 0) {
         correct(observer, reading_degC - shown(observer) - observer->slow_K);
     }
     /* model or sensor may be right: while they disagree, the band has both in it */

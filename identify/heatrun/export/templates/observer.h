@@ -4,6 +4,7 @@
 #define HEATRUN_NUM_HEATS $num_heats
 #define HEATRUN_HAS_LAG $has_lag /* the reading is a state of its own */
 #define HEATRUN_NUM_STATES (HEATRUN_NUM_NODES + HEATRUN_NUM_HEATS + 5 + HEATRUN_HAS_LAG)
+#define HEATRUN_NUM_COVARIANCES ((HEATRUN_NUM_STATES - 4)*(HEATRUN_NUM_STATES + 5)/2)
 #ifndef HEATRUN_READING_SD_K /* set these three for the sensor of the drive */
 #define HEATRUN_READING_SD_K $reading_sd /* white noise of one reading, rounding included */
 #endif
@@ -12,6 +13,9 @@
 #endif
 #ifndef HEATRUN_SENSOR_SD_K
 #define HEATRUN_SENSOR_SD_K $sensor_sd /* its constant error */
+#endif
+#ifndef HEATRUN_MOMENT_STEPS /* standard deviation of its moment against that of the inputs: */
+#define HEATRUN_MOMENT_STEPS 0.29 /* one comes from anywhere in a step of the other */
 #endif
 /* False alarms, on a machine that is as the run has it: the mean makes less than 0.2 in 1000 h. */
 #define HEATRUN_OFF_SDS 5.0       /* a reading, its jump, or the mean of what readings and model */
@@ -37,18 +41,31 @@ typedef enum {
 } heatrun_sensor;
 
 typedef struct {
+    heatrun_real mean;
+    heatrun_real with_late; /* covariance with late_K */
+} heatrun_followed;
+
+typedef struct {
     heatrun_state model;
     heatrun_real heat_W[HEATRUN_NUM_HEATS];
     heatrun_real slow_K; /* error of the sensor */
 #if HEATRUN_HAS_LAG
     heatrun_real shown_degC; /* what the sensor has come to */
 #endif
-    heatrun_real covariance[HEATRUN_NUM_STATES*(HEATRUN_NUM_STATES + 1)/2]; /* lower triangle */
+    heatrun_real covariance[HEATRUN_NUM_COVARIANCES]; /* lower triangle, without constants' own */
+    heatrun_real change_K;      /* of what is read, by the model, in this step */
+    heatrun_real last_change_K; /* and in that of the last reading */
     heatrun_real last_degC; /* reading, */
     heatrun_real changed_K; /* and how far the model has gone since */
-    heatrun_real apart_K;   /* mean of readings less model over a few, */
-    heatrun_real mean_K;    /* and over many, */
-    heatrun_real mean_K2;   /* and the variance of that, but for noise */
+    heatrun_real jump_K;    /* of the last reading, more than the model, */
+    heatrun_real jump_K2;   /* and the variance of that */
+    heatrun_real apart_K;   /* mean of readings less model over a few */
+    heatrun_real late_K;    /* change that a sensor that lags has not yet shown; */
+    heatrun_followed late;   /* over many, that, */
+    heatrun_followed apart;  /* readings less model, */
+    heatrun_followed prompt; /* what a change that is not known well makes of them, */
+    heatrun_followed stays;  /* and the standard deviation of what stays, */
+    heatrun_real mean_K2;    /* and its variance */
     heatrun_real jumped_K;  /* largest jump of a suspect reading that the model does not know */
     heatrun_real moved_K;   /* by itself, since the reading stays the same, */
     heatrun_real pushed_K;  /* and by what may be wrong with the heat */
@@ -59,6 +76,7 @@ typedef struct {
     int num_good;
     int num_missing; /* readings */
     int is_proven;
+    int is_own;       /* the last jump: more of the reading than of the model */
     int has_moved;    /* while it agreed */
     int has_returned; /* by its last jump */
     heatrun_sensor belief; /* OK, STUCK or DISAGREES */
