@@ -55,8 +55,9 @@ def four_nodes(T, drive):
     I2, P, T0, s, i2 = drive
     winding, tooth, yoke, magnet = T
     e, R, C = EFFECTS, FOUR_R, FOUR_C
-    joule = 3.0 * RS0 * I2 * (B + winding) / (B + T_REF)
-    copper = joule * (1.0 + e["ac"] * s**2) + e["stray"] * i2 * s**1.5
+    risen = (B + winding) / (B + T_REF)
+    joule = 3.0 * RS0 * I2 * risen
+    copper = joule * (1.0 + e["ac"] * (s / risen) ** 2) + e["stray"] * i2 * s**1.5
     other = P - copper
     to_tooth = (winding - tooth) / R["winding", "tooth"]
     to_tooth = to_tooth * (1.0 + e["insulation"] * (winding - 60.0))

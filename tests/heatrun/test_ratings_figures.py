@@ -25,7 +25,7 @@ from heatrun.model.problem import Problem
 from heatrun.record.blocks import Blocks
 from heatrun.record.motor import Motor, ParameterOverride, ShutDown
 from heatrun.record.record import Record
-from heatrun.reports.content import _derived, _named
+from heatrun.reports.content import _named, _stated
 from heatrun.reports.terminal import _rating
 from heatrun.runs.duties import current_at_limit
 from heatrun.runs.machine import machines
@@ -251,7 +251,7 @@ def test_the_currents_of_duties_are_those_of_the_exact_solution(draws, tmp_path)
         largest = entry.value * max(share for _, share, _ in duty[0])
         assert ("extrapolated" in entry.condition) == (largest > 1.2 * LARGEST)
         say = Texts("de")
-        _derived(entry, say)
+        _stated(entry, say)
         assert name == "hoist" or not say.unknown
     assert "permitted rise 105 K" in found["S2-30_current_A"].condition
     assert found["S1_current_A"] == found["continuous_current_by_rise_A"]
@@ -290,7 +290,7 @@ def test_the_time_to_the_limit_is_that_of_the_exact_solution_from_any_state(draw
                 check(entry, times, rtol=1e-3)
                 assert f"{load} A" in entry.condition
             say = Texts("it")
-            _derived(entry, say)
+            _stated(entry, say)
             assert not say.unknown
     assert "extrapolated, tested up to 150 A" in found["time_to_limit_240A_cold_s"].condition
 
@@ -321,7 +321,7 @@ def test_a_time_says_how_probably_the_limit_is_reached(draws):
     entry = found[name]
     assert f"reached with a probability of {100.0 * share:.0f} %" in entry.condition
     assert "… ∞ " in _rating(name, entry)
-    assert _derived(entry, Texts())[2].endswith("… ∞")
+    assert _stated(entry, Texts())[2].endswith("… ∞")
     assert _named(name, Texts("de")) == f"Zeit bis zur Grenze, {current}A kalt"
     assert _named("S4-40:5x2_current_A", Texts()) == "Current, S4-40:5x2"
 
@@ -362,8 +362,8 @@ def test_starts_and_the_pause_are_those_of_the_exact_solution(draws):
         assert f"after {num} starts" in found[f"pause_5x5,0x30_{name}_s"].condition
         for language in ("de", "it"):
             say = Texts(language)
-            _derived(entry, say)
-            _derived(found[f"pause_5x5,0x30_{name}_s"], say)
+            _stated(entry, say)
+            _stated(found[f"pause_5x5,0x30_{name}_s"], say)
             assert not say.unknown
 
 
@@ -558,7 +558,7 @@ def test_without_a_class_the_limit_is_refused_and_the_rest_stands(draws):
             f"{within[name].condition}, extrapolated, tested up to 100 °C"
         )
     for entry in found.values():
-        assert len(_derived(entry, Texts())) == 3  # the sheet prints whatever comes
+        assert len(_stated(entry, Texts())) == 3  # the sheet prints whatever comes
 
 
 def test_beyond_the_tests_a_figure_is_refused_where_its_interval_says_nothing(draws):
@@ -832,7 +832,7 @@ def test_the_rms_of_a_cycle_is_that_of_the_exact_solution_where_it_applies(draws
     assert "less than by simulation" in rests
     say = Texts("de")
     for name in names:
-        _derived(found[f"{name}_rms_current_A"], say)
+        _stated(found[f"{name}_rms_current_A"], say)
     assert not say.unknown
 
 

@@ -576,8 +576,8 @@ def test_a_run_brings_its_time_constants_along(day, truth, capsys):
     with_run = json.loads(capsys.readouterr().out)
     low, high = with_run["winding_95_degC"]
     assert low < ROOM + HOT[0] < high
-    # the readings alone leave the fast mode open
-    assert with_run["extrapolation_95_K"] < 0.7 * alone["extrapolation_95_K"]
+    # the readings alone leave the fast mode open; a run's may be off by a fifth
+    assert with_run["extrapolation_95_K"] < 0.8 * alone["extrapolation_95_K"]
     assert "network second" in with_run["prior"]
 
 

@@ -11,7 +11,7 @@ from ..readers.mapping import KNOWN_BY, assumption, grouped
 from ..record.motor import Certificate
 from ..record.record import Finding
 from ..results import FitResult
-from ..results.model import AT_REST, LOADED, DescribedTest, FittedModel
+from ..results.model import AT_REST, LOADED, DerivedFigure, DescribedTest, FittedModel
 from ..results.values import Interval, combined, known
 from ..runs.verdict import concerns, favoured
 from .certificate import (
@@ -254,17 +254,20 @@ def _derived(model: FittedModel, say: Texts) -> list[list[str]]:
     for key, entry in model.derived.items():
         if key in ON_PAGE_1 or key.endswith((LOADED, AT_REST)):
             continue
-        name = _named(key, say)
-        if refusal := known(entry.refused):
-            row = [name, say("refused"), say.again(refusal), ""]
-            if rows and rows[-1][1:] == row[1:]:
-                rows[-1][0] += f"; {name}"
-                continue
+        name, said = _named(key, say), _stated(entry, say)
+        if known(entry.refused) and rows and rows[-1][1:] == said:
+            rows[-1][0] += f"; {name}"
         else:
-            sd, unit = known(entry.sd), known(entry.unit) or ""
-            value, _ = format_value(known(entry.value), sd)
-            ends = format_interval(known(entry.interval_95), sd).replace("not determined", "∞")
-            row = [name, quantity(say.again(value), unit), say.again(known(entry.condition) or ""),
-                   " … ".join(say.again(end) for end in ends.split(" … "))]  # fmt: skip
-        rows.append(row)
+            rows.append([name, *said])
     return rows
+
+
+def _stated(entry: DerivedFigure, say: Texts) -> list[str]:
+    """Return value, condition and interval of a figure, or why it has none."""
+    if refusal := known(entry.refused):
+        return [say("refused"), say.again(refusal), ""]
+    sd, unit = known(entry.sd), known(entry.unit) or ""
+    value, _ = format_value(known(entry.value), sd)
+    ends = format_interval(known(entry.interval_95), sd).replace("not determined", "∞")
+    return [quantity(say.again(value), unit), say.again(known(entry.condition) or ""),
+            " … ".join(say.again(end) for end in ends.split(" … "))]  # fmt: skip

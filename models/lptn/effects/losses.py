@@ -34,14 +34,15 @@ class AcCopperLoss(HeatEffect):
     card: ClassVar[EffectCard] = EffectCard(
         id="ac_copper_loss",
         family="copper split",
-        law="w += k Pjs s^2/r^2, r the rise of the resistance; under a balance sr -= the same, "
-        "under a map it adds",
+        law="w += k Pjs s^2/r^2, r = R/R0; under a balance sr -= the same, under a map it adds",
         needs=("speed",),
         signature="a fast residual that goes with current squared and speed squared",
         separating_test="the same current at standstill (DC), at half and at full speed, 20 "
         "minutes each",
         parameters={
-            "k": Quantity("1", 0.0, 0.02, 3.0, 0.3, "AC over DC loss less one, cold at rated speed")
+            "k": Quantity(
+                "1", 0.0, 0.02, 3.0, 0.3, "AC over DC loss less one, at rated speed, cold"
+            )
         },
     )
 
