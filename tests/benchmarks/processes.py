@@ -144,6 +144,6 @@ def large_record() -> list[Row]:
     detail = "after " + ", ".join(f"{stage} {peak:.0f}" for stage, peak in peaks.items())
     peak = max(peaks.values())
     return [
-        Row(LONG, "peak memory, from the file to bands", peak, "MB", 1024.0, detail),
+        Row(LONG, "peak memory, from the file to bands", peak, "MB", 700.0, detail),
         Row(LONG, "time, from the file to bands, second order", taken, "s"),
     ]

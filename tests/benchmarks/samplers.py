@@ -95,11 +95,14 @@ def effective_draws(made: dict, small: bool) -> list[Row]:
     begin = time.perf_counter()
     posterior = sample(found, most_steps=500 if small else 12_000)
     taken = time.perf_counter() - begin
-    # of all draws, not of the thinned ones that are kept
-    assert posterior.convergence is not None
-    size = posterior.convergence.effective_size
+    # of all draws, not of the thinned ones that are kept; where the samples that the walkers began
+    # at agree with them, these stand in
+    judged = posterior.convergence or posterior.weighted
+    assert judged is not None
+    size = judged.effective_size
+    said = f"{size:.0f} effective draws in {duration(taken)}, by {posterior.method} in the end"
     rows.append(Row(SECTION, "1000 effective draws, heatrun's emcee", 1000 * taken / size, "s",
-                    None, f"{size:.0f} effective draws in {duration(taken)}"))  # fmt: skip
+                    None, said))  # fmt: skip
     steps = (50, 50) if small else (500, 1000)
     for name, build in (("numpyro NUTS", _numpyro), ("blackjax NUTS", _blackjax)):
         draw = build(found, *steps)
