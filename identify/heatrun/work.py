@@ -211,7 +211,7 @@ class Work:
             if is_known or now - self._begun_s > usual:
                 time_s = f"about {in_words(left)} left"
             elif self._is_first:
-                time_s = "the first run compiles its programs, which takes minutes"
+                time_s = "the first run compiles its programs, which takes about a minute"
             else:  # how fast this machine is with these tests has yet to show
                 time_s = f"usually {in_words(usual)} in all"
             told = {row: 0.0 if row is None else rows[row] or -1.0 for row in self._sentences}

@@ -267,7 +267,9 @@ def test_where_nothing_was_compiled_before_no_time_is_promised(tmp_path, monkeyp
         work = work_of_calibration(["first"], 1, "quick", lambda *words: said.append(words[0]))
         work.at(("first", "fit"), "least squares")
         (tmp_path / f"fit{PROGRAM}").touch()
-    assert said[0] == "least squares; the first run compiles its programs, which takes minutes"
+    assert (
+        said[0] == "least squares; the first run compiles its programs, which takes about a minute"
+    )
     assert said[1].startswith("least squares; usually")
 
 
