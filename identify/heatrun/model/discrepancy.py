@@ -157,7 +157,7 @@ def heat_columns(
     """
     network = model.network(values)
     edges = test.block_s * np.arange(test.num_blocks + 1)
-    num = num_knots(edges[-1])
+    num = num_knots(test.duration_s)  # as those of no heat
     knots = np.linspace(0.0, edges[-1], num)
     hats = np.maximum(0.0, 1.0 - np.abs(edges[:, None] - knots) / (knots[1] - knots[0]))
     said = model.adequacy

@@ -240,6 +240,11 @@ LONG = 20_000
 """Steps from which on a test is long: more lanes of it take hundreds of megabytes [1]."""
 
 
+def is_long(test: Observation) -> bool:
+    """Return whether few draws of a test are worked out side by side."""
+    return test.weight.size >= LONG
+
+
 class Courses(NamedTuple):
     """Means over the blocks of a test, draw by draw."""
 
@@ -296,5 +301,4 @@ def _courses(model: Model, values: dict[str, Float[Array, " draw"]], test: Obser
             flows={n: means(P) for n, P in trace.flow.items()},
         )
 
-    at_a_time = AT_A_TIME if test.weight.size < LONG else OF_LONG
-    return jax.lax.map(one, values, batch_size=at_a_time)
+    return jax.lax.map(one, values, batch_size=OF_LONG if is_long(test) else AT_A_TIME)

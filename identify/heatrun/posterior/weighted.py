@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from scipy.special import logsumexp
 
 from ..fit.fit_result import Fit
-from ..model.draws import LONG
+from ..model.draws import is_long
 from ..model.kernels import in_batches
 from ..model.problem import log_posterior_batch
 
@@ -97,7 +97,7 @@ LEAST_EFFECTIVE = 400
 
 BATCH, OF_LONG = 32, 8
 """Draws evaluated at once, half an ensemble: more of them fall out of the cache; and those of a
-`LONG` test."""
+long test."""
 
 
 class AbstractDrawn(Protocol):
@@ -215,7 +215,7 @@ def truncated(weights: Float[np.ndarray, " draw"]) -> Float[np.ndarray, " draw"]
 def evaluate(fit: Fit, vectors: Float[np.ndarray, "draw all"]) -> Float[np.ndarray, " draw"]:
     """Return the log posterior of many vectors."""
     structure, data = fit.problem.structure, fit.problem.data
-    size = OF_LONG if any(test.weight.size > LONG for test in data.tests) else BATCH
+    size = OF_LONG if any(map(is_long, data.tests)) else BATCH
     return in_batches(partial(log_posterior_batch, structure, data), vectors, size)
 
 
