@@ -181,7 +181,8 @@ def drawn_machine(kind: str, rng: np.random.Generator) -> Machine:
     )
     p: Physics = dict.fromkeys([name for names in FREE.values() for name in names], 0.0) | {
         "C_w": within(usual.winding) * whole, "C_r": within((0.15, 0.30)) * whole,
-        "C_b": within((0.6, 2.4) if on_plate else (0.15, 0.6)) * whole, "phi": 0.0, "sink_K": 0.0,
+        "C_b": within((0.6, 2.4) if on_plate else (0.15, 0.6)) * whole, "phi": 0.0,
+        **dict.fromkeys(INSTRUMENTS, 0.0),
         "G_ws": copper / within(usual.winding_K), "G_rest": rest, "G_fan": running - rest,
         "nat": 0.0 if "jacket" in kind else within((0.04, 0.10)),
     }  # fmt: skip
@@ -242,8 +243,20 @@ def loads(machine: Machine, test: str, rng: np.random.Generator) -> np.ndarray:
 
 
 INPUTS = ("current2", "stray", "iron", "rotor", "cooling", "known", "friction", "sink", "omega",
-          "drift")  # fmt: skip
-"""What drives a march; `known` are watts beside copper and friction, or the measured balance."""
+          "drift", "electric", "shaft")  # fmt: skip
+"""What drives a march; `known` are watts beside copper and friction, or the measured balance, and
+`electric` and `shaft` what errors of their instruments act on."""
+
+INSTRUMENTS = {"ohm": 0.014, "watts_off": 0.01, "shaft_off": 0.01, "zero_off": 1e-3,
+               "read_off": 0.005, "read_K": 0.5, "sink_K": 0.5}  # fmt: skip
+"""Widths of heatrun's priors of instruments: shares (a zero of the rated torque), K. The
+resistance stands for the current too."""
+
+OHM_OF_COIL = 0.05
+"""Width of that of a coil, whose copper loss eddies may raise [1]."""
+
+OF_THE_SINK = {"sink_K": 0.4}
+"""What is free where the instruments are known."""
 
 
 def driven(machine: Machine, course: Columns) -> dict[str, np.ndarray]:
@@ -265,6 +278,8 @@ def driven(machine: Machine, course: Columns) -> dict[str, np.ndarray]:
         "omega": course["rpm"] * np.pi / 30.0,
         "drift": 1.0 - np.exp(-course["time"] / 5400.0),
         "sink": course["sink"],
+        "electric": course.get("watts", 0.0 * load),
+        "shaft": course["torque"] * course["rpm"] * np.pi / 30.0,
     }  # fmt: skip
 
 
@@ -302,10 +317,12 @@ def march(
     capacity = np.array([p[name] for name in ("C_w", "C_s", "C_r", "C_b")])
 
     def slope(T: np.ndarray, now: np.ndarray) -> np.ndarray:
-        current2, stray, iron, rotor, cooling, known, friction, sink, omega, drift = now
+        current2, stray, iron, rotor, cooling, known, friction, sink, omega, drift = now[:10]
+        electric, shaft = now[10:]
         sink = sink + p["drift_K"] * drift + p["sink_K"]
         copper = ohms * (1.0 + PER_KELVIN * (T[0] - 20.0)) * current2
         in_winding, in_rotor = p["stray_W"] * stray + p["iron_W"] * iron, p["rotor_W"] * rotor
+        known = known + p["watts_off"] * electric - p["shaft_off"] * shaft - p["zero_off"] * omega
         other = known + p["offset_Nm"] * omega - in_winding - in_rotor
         other = other - copper if is_balance else other + friction * stiffness(T[1])
         lost = share * surface(T[1:3], sink, cooling, p)
@@ -589,7 +606,8 @@ def structure_fitted(case: Case, seed: int) -> dict[str, Any]:
     `refit_K` is what it leaves more without an imperfection, all else fitted anew: the kelvins of
     it that the rest of the network cannot take over. Its priors lie about the true figures, so
     that it hits what the tests leave open; those of `holdout_unknowing_K` lie about figures that
-    are off by a draw from them, median of `NUM_PRIORS`.
+    are off by a draw from them, median of `NUM_PRIORS`. `holdout_instruments_K` knows the machine's
+    resistance and instruments as well as heatrun does (`INSTRUMENTS`), and no better.
     """
     machine = case.machine
     step = 5.0 if "drone" in machine.kind else 20.0 if machine.is_coil else 10.0
@@ -606,21 +624,27 @@ def structure_fitted(case: Case, seed: int) -> dict[str, Any]:
         for test, read in enumerate(reads[:num]):
             for lane, q in enumerate(each):
                 ends = lagged(T[: read.size + 1, test, lane], q["lag_s"], step)
-                rows[lane].append(0.5 * (ends[1:] + ends[:-1]) - read)
+                seen = 0.5 * (ends[1:] + ends[:-1]) * (1.0 + q["read_off"]) + q["read_K"]
+                rows[lane].append(seen - read)
         return rows
 
     def fit(
-        base: Physics, causes: Sequence[str], most: int, rng: np.random.Generator | None = None
-    ) -> tuple[float, float]:
+        base: Physics, causes: Sequence[str], most: int, rng: np.random.Generator | None = None,
+        widths: Physics = OF_THE_SINK,
+    ) -> tuple[float, float]:  # fmt: skip
         names = [n for c in ("", *causes) for n in FREE[c] if base[n]]
-        units = np.eye(len(names) + 1)  # factors, and an offset of the sink
-        centre = np.zeros(len(units)) if rng is None else rng.standard_normal(len(units))
-        centre[-1] = 0.0
+        num = len(names)
+        units = np.eye(num + len(widths))  # factors, and errors of instruments
+        centre = np.zeros(len(units))
+        if rng is not None:
+            centre[:num] = rng.standard_normal(num)
 
         def figures(x: np.ndarray) -> Physics:
-            factors = np.exp(np.clip(x[:-1], -4.0, 4.0))
-            return base | {n: base[n] * f for n, f in zip(names, factors, strict=True)} | {
-                "sink_K": 0.4 * x[-1]}  # fmt: skip
+            factors = np.exp(np.clip(x[:num], -4.0, 4.0))
+            off = {n: sd * y for (n, sd), y in zip(widths.items(), x[num:], strict=True)}
+            if "ohm" in off:
+                off["ohm"] = ohm * (1.0 + off["ohm"])
+            return base | {n: base[n] * f for n, f in zip(names, factors, strict=True)} | off
 
         def stacked(rows: Sequence[np.ndarray]) -> np.ndarray:  # in units of 0.3 K
             return np.clip(np.nan_to_num(np.concatenate(rows), nan=1e3), -1e3, 1e3) / 0.3
@@ -639,7 +663,11 @@ def structure_fitted(case: Case, seed: int) -> dict[str, Any]:
         squares = [np.mean(_means(row, round(BLOCK_S / step)) ** 2) for row in rows]
         return float(np.sqrt(np.mean(squares[:-1]))), float(np.sqrt(squares[-1]))
 
+    ohm = machine.physics["ohm"] * (1.0 + case.bench["ohm"])  # as the motor file has it
+    widths = INSTRUMENTS | {"zero_off": INSTRUMENTS["zero_off"] * machine.rated["Nm"]}
+    widths |= {"ohm": OHM_OF_COIL} if machine.is_coil else {}
     rmse, held_out = fit(machine.physics, machine.present, 15)
+    _, instruments = fit(machine.physics, machine.present, 15, widths=widths)
     rng = np.random.default_rng(seed)
     unknowing = [fit(machine.physics, machine.present, 15, rng)[1] for _ in range(NUM_PRIORS)]
     refit = {}
@@ -648,7 +676,8 @@ def structure_fitted(case: Case, seed: int) -> dict[str, Any]:
         left, _ = fit(without(machine, cause, machine.rise_K), rest, 8)
         refit[cause] = float(np.sqrt(max(left**2 - rmse**2, 0.0)))
     return {"rmse_K": rmse, "holdout_rmse_K": held_out,
-            "holdout_unknowing_K": float(np.median(unknowing)), "refit_K": refit}  # fmt: skip
+            "holdout_unknowing_K": float(np.median(unknowing)),
+            "holdout_instruments_K": instruments, "refit_K": refit}  # fmt: skip
 
 
 def _means(values: np.ndarray, size: int) -> np.ndarray:
