@@ -6,8 +6,11 @@ A discovery is a calibration with the story of the missing effects.
 import hashlib
 import json
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 from .calibration import BenchTest, Calibration, Settings, calibrate, identity, manifest
@@ -22,8 +25,6 @@ from .posterior.posterior import normal_draws
 from .posterior.predict import predict
 from .record.findings import OUTPUT_FAILED, Attempts
 from .record.motor import Motor
-from .reports.discovery import draw_all, write_report
-from .reports.of_run import with_sheet
 from .results.discovery import DiscoveryResult
 from .runs.run_folder import RunFolder, free_place, refuse_unwritable
 from .runs.stated_duty import parse_rating
@@ -35,6 +36,24 @@ Say = Callable[[str], None]
 
 def silent(sentence: str) -> None:
     """Say nothing."""
+
+
+WRITERS = "heatrun.reports.of_run", "heatrun.reports.discovery", "xarray", "h5netcdf"
+"""What draws and writes a run; nothing that is fitted needs it."""
+
+
+def load_writers() -> None:
+    """Load `WRITERS` beside the fit, whose compiled code leaves Python free for half of its time.
+
+    What cannot be loaded says so where it is used.
+    """
+
+    def load() -> None:
+        for name in WRITERS:
+            with suppress(Exception):
+                import_module(name)
+
+    Thread(target=load, name="writers").start()
 
 
 @dataclass(frozen=True)
@@ -114,9 +133,12 @@ def calibrate_into(
         names, len(tests), settings.method, progress, num_ratings=len(settings.duties)
     )
     with work:
+        load_writers()
         with folder.dropped_if_refused():
             found = calibrate(motor, tests, settings, folder=folder, work=work)
         work.at("writing", "writing the run")
+        from .reports.of_run import with_sheet
+
         run = write_run(folder, found.motor, found.result, found.posteriors, found.predictions)
         work.at("writing", "writing the sheet", 0.5)
         found = replace(found, result=with_sheet(run, folder))
@@ -182,6 +204,7 @@ def _written(
 ) -> Job:
     """Return a discovery whose folder is written."""
     settings = replace(settings, kinds=settings.kinds or all_effects())
+    load_writers()
     calibration = calibrate(motor, tests, settings, folder=folder, work=work)
     asked = calibration.asked
     if asked is None:
@@ -201,6 +224,9 @@ def _written(
         found, calibration, before, base, command=settings.command, seed=settings.seed
     )
     work.at("writing", "writing the report")
+    from .reports.discovery import draw_all, write_report
+    from .reports.of_run import with_sheet
+
     folder.write_json("discovery.json", result)
     attempts = Attempts(OUTPUT_FAILED)
     say = Texts(motor.certificate.language or LANGUAGES[0])

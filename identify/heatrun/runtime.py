@@ -6,6 +6,7 @@ unknown option name aborts the process, so it is set only for versions of jaxlib
 to take it, and never over an XLA_FLAGS of the user's.
 """
 
+import gc
 import os
 import sys
 from importlib.metadata import version
@@ -53,6 +54,15 @@ def one_thread_for_small_matrices() -> None:
     its own. Nothing changes where the user has set OPENBLAS_NUM_THREADS.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+def collect_garbage_seldom() -> None:
+    """Let Python look for cycles less often; for commands.
+
+    A full collection visits the million objects of JAX, pandas and matplotlib, and a calibration
+    met 30 of them: a second of ten. What is large here is freed without it.
+    """
+    gc.set_threshold(50_000, 20, 50)
 
 
 configure()
