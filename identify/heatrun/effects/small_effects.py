@@ -58,8 +58,8 @@ LEAST_OF_NONE = 0.5
 """Of the network alone after them [1]. The evidence for what is left is no larger than what the
 laws in the network leave open, and decides nothing."""
 
-NUM_DRAWS, NUM_SWEEPS = 4000, 40
-"""Draws of the sizes, and rounds over all effects until each of them is one."""
+NUM_CHAINS, NUM_SWEEPS, NUM_KEPT = 500, 40, 8
+"""Chains of the sizes, rounds over all effects until each of them is a draw, and draws of each."""
 
 MOST = 8
 """Effects that are weighed with a noise of their own, the best by the linear evidence."""
@@ -361,28 +361,31 @@ def draw_sizes(
     """
     gram, slope, moved = _parts(rows, scores)
     rng = np.random.default_rng([seed, 29])
-    size = np.zeros((NUM_DRAWS, slope.size))
-    rows = np.arange(NUM_DRAWS)
+    size, kept = np.zeros((NUM_CHAINS, slope.size)), []
+    rows = np.arange(NUM_CHAINS)
     log_odds = math.log(ODDS / len(SCALES))
-    for _ in range(NUM_SWEEPS):
+    for sweep in range(NUM_SWEEPS + NUM_KEPT - 1):
         for k in rng.permutation(slope.size):
             others = slope[k] - size @ gram[:, k] + size[:, k] * gram[k, k]
             log_bayes, mean, sd = _slab(others, float(gram[k, k]), has_one_sign=bool(one_sign[k]))
-            weight = np.concatenate([np.zeros((NUM_DRAWS, 1)), log_bayes + log_odds], axis=1)
+            weight = np.concatenate([np.zeros((NUM_CHAINS, 1)), log_bayes + log_odds], axis=1)
             weight = np.exp(weight - weight.max(axis=1, keepdims=True))
             total = np.cumsum(weight, axis=1)
-            chosen = np.sum(rng.random((NUM_DRAWS, 1)) * total[:, -1:] > total, axis=1)
+            chosen = np.sum(rng.random((NUM_CHAINS, 1)) * total[:, -1:] > total, axis=1)
             scale = np.maximum(chosen - 1, 0)
             at, width = mean[rows, scale], sd[scale]
             if one_sign[k]:
                 below = ndtr(-at / width)
-                share = below + (1.0 - below) * rng.random(NUM_DRAWS)
+                share = below + (1.0 - below) * rng.random(NUM_CHAINS)
                 drawn = np.maximum(at + width * ndtri(np.clip(share, 1e-12, 1.0 - 1e-12)), 0.0)
             else:
-                drawn = at + width * rng.standard_normal(NUM_DRAWS)
+                drawn = at + width * rng.standard_normal(NUM_CHAINS)
             size[:, k] = np.where(chosen > 0, drawn, 0.0)
+        if sweep >= NUM_SWEEPS - 1:
+            kept.append(size.copy())
+    size = np.concatenate(kept)
     there = np.flatnonzero(np.any(size, axis=1))
-    beyond = there.size - math.floor((1.0 - least_of_none) * NUM_DRAWS)
+    beyond = there.size - math.floor((1.0 - least_of_none) * size.shape[0])
     size[rng.permutation(there)[: max(0, beyond)]] = 0.0
     return size, moved
 
