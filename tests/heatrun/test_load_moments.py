@@ -29,7 +29,7 @@ def motor():
     return parse_motor(MOTOR.encode(), "motor.toml")
 
 
-def truth(edges_s, amperes, seconds=SECONDS):
+def truth(edges_s, amperes, seconds=SECONDS, body=C_SR):
     """Return once a second current, losses and winding [A, W, degC], by the eigenvectors."""
     time = np.arange(0.0, seconds + 0.5)
     T, now = np.empty(time.size), np.array([25.0, 25.0])
@@ -38,7 +38,7 @@ def truth(edges_s, amperes, seconds=SECONDS):
     for begin, end, A in zip(bounds[:-1], bounds[1:], amperes, strict=True):
         k = OHM * A**2 / 259.5
         slope = np.array([[k - 1.0 / R_W, 1.0 / R_W], [1.0 / R_W, -1.0 / R_W - 1.0 / R_SR]])
-        rates, modes = np.linalg.eig(slope / [[C_W], [C_SR]])
+        rates, modes = np.linalg.eig(slope / [[C_W], [body]])
         rest = np.linalg.solve(slope, [-234.5 * k, -25.0 / R_SR])
         parts = modes * np.linalg.solve(modes, now - rest)
         inside = np.flatnonzero((time > begin) & (time <= end))
@@ -48,8 +48,8 @@ def truth(edges_s, amperes, seconds=SECONDS):
     return time, current, OHM * current**2 * (234.5 + T) / 259.5, T
 
 
-def record(edges_s, amperes=(0.0, 60.0, 0.0, 40.0, 0.0), seconds=SECONDS):
-    time, current, losses, T = truth(edges_s, amperes, seconds)
+def record(edges_s, amperes=(0.0, 60.0, 0.0, 40.0, 0.0), seconds=SECONDS, body=C_SR):
+    time, current, losses, T = truth(edges_s, amperes, seconds, body)
     return Record("coil", {
         "time_s": time, "phase_current_A": current, "losses_W": losses,
         "ambient_degC": np.full(time.size, 25.0), "winding_degC": T,
@@ -100,6 +100,30 @@ def test_blocks_behind_one_step_err_together():
     assert 0.5 < ratio < 2.0  # 60 draws know a variance to a fifth
     alone = np.mean([np.sum(total(blocks)[behind]) for blocks in at_samples]) / num**2
     assert alone < 0.2 * np.var(means)
+
+
+def test_a_light_body_remembers_what_many_steps_add_up_to():
+    """Of an intermittent duty each step's energy stays in a body of twice the winding's capacity."""
+    rng = np.random.default_rng(7)
+    edges = np.arange(30.0, 1500.0, 15.0)
+    amperes = (*(60.0 * (number % 2) for number in range(edges.size)), 0.0)
+
+    def drawn():
+        moments = edges + rng.uniform(1e-3, 1.0 - 1e-3, edges.size)
+        return record(moments, amperes, 1500.0, 2.0 * C_W)
+
+    records = [drawn() for _ in range(60)]
+    measured = np.array([reduce(each, motor()).measured for each in records])
+    stated = np.mean([total(with_moments(each)) for each in records[:5]], axis=0)
+    assert np.sum(stated) == pytest.approx(np.sum(np.var(measured, axis=0)), rel=0.25)
+    # between two blocks a minute apart, which no single step ties to each other
+    off = measured - measured.mean(axis=0)
+    apart = 4
+    tied = np.mean(off[:, :-apart] * off[:, apart:]) / np.mean(off**2)
+    columns = with_moments(records[0]).moments
+    said = np.sum(columns[:-apart] * columns[apart:]) / np.sum(stated)
+    assert tied > 0.1
+    assert said == pytest.approx(tied, rel=0.6)
 
 
 def test_a_fast_logger_and_a_steady_load_leave_nothing_open():

@@ -7,9 +7,9 @@ hundred seconds hardly shows it; a small coil of ten is off by a kelvin behind e
 its noise. What such an energy does to the blocks behind its step is one column of their covariance:
 taken for independent errors of the blocks, forty of them behind one step would seem to know it six
 times better than they do. The strongest directions are kept, eight at most; of what is left the
-blocks know the variance. The energy's response is taken from the fast mode of a quick two-node fit
-of the same record. The slow mode remembers all steps: what they add up to there is left to the
-unmodelled heat and to the finding `between_samples`. The moment that all steps have in common is a
+blocks know the variance. The energy's response is that of a quick two-node fit of the same record.
+Its slow mode remembers all steps: in a body of a few times the winding's capacity, an intermittent
+duty adds up more than a step leaves in the winding. The moment that all steps have in common is a
 parameter besides (`load_timing`). What a clock that was set wrong does is far more, and `load_late`
 tells it.
 """
@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import combinations_with_replacement
 
 import numpy as np
 from jaxtyping import Float
@@ -154,19 +155,24 @@ def with_load_moments(blocks: Blocks, record: Record, motor: Motor) -> Blocks:
         return blocks
     between_s = np.diff(time_s)
     steps_W = np.diff(np.stack([copper, rest]), axis=1)
-    sd_K = np.abs(fit.response_K_per_J[:, 0] @ steps_W) * between_s / np.sqrt(12.0)
+    sd_K = fit.response_K_per_J.T @ steps_W * between_s / np.sqrt(12.0)
     middle_s = time_s[:-1] + 0.5 * between_s - blocks.first_s
-    return _known(blocks, -1.0 / fit.taus_s[0], middle_s, sd_K)
+    return _known(blocks, -1.0 / np.array(fit.taus_s), middle_s, sd_K)
 
 
 def _known(
     blocks: Blocks,
-    rate_per_s: float,
+    rates_per_s: Float[np.ndarray, " mode"],
     time_s: Float[np.ndarray, " step"],
-    sd_K: Float[np.ndarray, " step"],
+    sd_K: Float[np.ndarray, "mode step"],
 ) -> Blocks:
-    """Return blocks that know what shocks of unknown sign, at times from the begin of the grid and
-    with standard deviations at once, do to their means: they decay at a rate, negative [1/s].
+    """Return blocks that know what shocks of unknown size do to their means.
+
+    Args:
+        blocks: The record.
+        rates_per_s: At which the modes decay, negative [1/s].
+        time_s: When the shocks come, from the begin of the grid [s].
+        sd_K: What a standard deviation of each adds to each mode at once [K].
     """
     from scipy import fft
 
@@ -174,21 +180,29 @@ def _known(
     num = blocks.num_blocks * per_block
     place = np.floor(time_s / step_s).astype(int)
     inside = (place >= 0) & (place < num)
+    place, sd_K = place[inside], sd_K[:, inside]
     # what is left of a shock, as means over the steps behind it
-    edges_s = step_s * np.arange(num + 1)
-    left = np.diff(np.exp(rate_per_s * edges_s)) / (rate_per_s * step_s)
+    edges = rates_per_s[:, None] * step_s * np.arange(num + 1)
+    left = np.diff(np.exp(edges)) / (rates_per_s[:, None] * step_s)
     # and as means over blocks, the first of which ends with the step that it comes in
-    sums = np.cumsum(np.pad(left, (per_block, 0)))
-    means = (sums[per_block:] - sums[:num]) / per_block
-    at = np.bincount(place[inside], sd_K[inside] ** 2, num)
+    sums = np.cumsum(np.pad(left, ((0, 0), (per_block, 0))), axis=1)
+    means = (sums[:, per_block:] - sums[:, :num]) / per_block
     length = fft.next_fast_len(2 * num - 1, real=True)
-    shocked, decayed = np.asarray(fft.rfft(np.stack([at, means**2]), length))
-    spread = np.asarray(fft.irfft(shocked * decayed, length))[per_block - 1 :][:num]
-    variance = np.maximum(spread[::per_block], 0.0)
+    variance = np.zeros(blocks.num_blocks)
+    for one, other in combinations_with_replacement(range(rates_per_s.size), 2):
+        at = np.bincount(place, sd_K[one] * sd_K[other], num) * (1 + (one != other))
+        shocked, decayed = np.asarray(fft.rfft(np.stack([at, means[one] * means[other]]), length))
+        spread = np.asarray(fft.irfft(shocked * decayed, length))[per_block - 1 :][:num]
+        variance += spread[::per_block]
+    variance = np.maximum(variance, 0.0)
 
-    largest = np.argsort(-at, kind="stable")[:LARGEST]
-    behind = per_block * np.arange(1, blocks.num_blocks + 1)[:, None] - 1 - largest
-    shocks = np.where(behind >= 0, means[np.maximum(behind, 0)], 0.0) * np.sqrt(at[largest])
+    # of a shock alone, in the square, over all blocks
+    weight = np.einsum("ms,ns,mn->s", sd_K, sd_K, means @ means.T)
+    largest = np.argsort(-weight, kind="stable")[:LARGEST]
+    behind = per_block * np.arange(1, blocks.num_blocks + 1)[:, None] - 1 - place[largest]
+    shocks = np.where(
+        behind >= 0, np.einsum("mbs,ms->bs", means[:, np.maximum(behind, 0)], sd_K[:, largest]), 0.0
+    )
     columns = strongest(shocks, NUM_COLUMNS[-1])
     matter = np.count_nonzero(np.linalg.norm(columns, axis=0) >= NEGLIGIBLE_K)
     if not matter:

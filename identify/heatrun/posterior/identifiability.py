@@ -341,8 +341,7 @@ def _lost(record: Record, blocks: Blocks, error: float) -> Finding:
         severity="warning",
         message=f"the load changes faster than it is sampled, every {period:.3g} s (aliasing): the "
         f"simulated winding temperature may be wrong by {error:.2g} K (limit {BETWEEN_K} K). The "
-        "95 % intervals allow for single load steps, not for what many add up to; bands of "
-        "predicted tests for neither.",
+        "95 % intervals allow for it, bands of predicted tests do not.",
         where=blocks.name,
         remedy="Record the load at a shorter interval, or as means over the logger's period; if "
         "the values are such means, nothing is lost.",
