@@ -103,7 +103,7 @@ def test_blocks_behind_one_step_err_together():
 
 
 def test_a_light_body_remembers_what_many_steps_add_up_to():
-    """Of an intermittent duty each step's energy stays in a body of twice the winding's capacity."""
+    """An intermittent duty, whose body has twice the capacity of its winding."""
     rng = np.random.default_rng(7)
     edges = np.arange(30.0, 1500.0, 15.0)
     amperes = (*(60.0 * (number % 2) for number in range(edges.size)), 0.0)
