@@ -44,7 +44,8 @@ MEANINGS: dict[str, str] = {
     "rendimento rendement slip schlupf power_factor wind_speed windgeschwindigkeit 周波数 频率 "
     "効率 皮相 無効 无功 视在 風速 风速",
     # what no channel is
-    "bookkeeping": "status state error fault faults warn warning alarm count counter counts "
+    "bookkeeping": "amp_hour amp_hours ah watt_hour watt_hours wh kwh "
+    "status state error fault faults warn warning alarm count counter counts "
     "zaehler zahler flag flags mode limit limits lim grenz grenze grenzwert threshold set setpoint "
     "soll sollwert target ref reference demand cmd command version serial crc checksum valid "
     "quality index idx id dlc dir data_frame dataframe ueber uber over derating percent konstante "
