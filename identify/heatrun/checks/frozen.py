@@ -25,10 +25,12 @@ from ..record.samples import (
     rounding_step,
     runs,
     samples,
+    sink_channel,
     with_all_heat,
 )
-from ..record.stretch import windows, within
+from ..record.stretch import bridge, windows, within
 from .advice import Part, Remedy, mask_line, use_line, widened
+from .heat import UNHEATED_K
 from .load_spike import of_the_load
 from .quick_fit import QuickFit, course_of, fit_of, quick_fit
 from .time_axis import GAP_STEPS, MAX_GAP_S, MAX_GAP_SHARE
@@ -324,39 +326,46 @@ def _stuck_beside(record: Record) -> Iterator[Finding]:
 
 
 def _longest_held(
-    time_s: np.ndarray, values: np.ndarray, least_s: float = MIN_STRETCH_S
+    time_s: np.ndarray, values: np.ndarray, least_s: float = MIN_STRETCH_S, rest: float = -np.inf
 ) -> tuple[float, float, float] | None:
     """Return begin and end [s] of the longest stretch in which a channel stands still whose last
-    digit changes elsewhere, and what it reads there; None where none lasts so long.
+    digit changes elsewhere, and what it reads there; None where none lasts so long. What it reads
+    at rest, up to that size, says nothing.
     """
-    first, past = runs(np.diff(values) == 0.0)
+    works = (np.abs(values) > rest)[1:]
+    first, past = runs((np.diff(values) == 0.0) & works)
     if first.size == 0 or np.ptp(values) == 0.0:
         return None
     longest = int(np.argmax(past - first))
     a, b = int(first[longest]), int(past[longest])
-    elsewhere = np.delete(np.diff(values), slice(a, b))
+    elsewhere = np.delete(np.diff(values), slice(a, b))[np.delete(works, slice(a, b))]
     is_live = elsewhere.size > b - a and float(np.mean(elsewhere != 0.0)) >= LIVE_SHARE
     if b - a < LIVE_SAMPLES or time_s[b] - time_s[a] < least_s or not is_live:
         return None
     return float(time_s[a]), float(time_s[b]), float(values[a])
 
 
-def load_stuck(record: Record, _: Motor) -> Iterator[Finding]:
+def load_stuck(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report the longest stretch in which a column of the load stands still, at no zero, though
     its last digit changes elsewhere: the logger has held its last value. A power is held at zero
     too, where current flows.
 
     An error where it is as long as a gap that is one, and another column of the load goes on (a
-    load that is set, not measured, may stand still), and of a power while current flows.
+    load that is set, not measured, may stand still), and of a power while current flows; also where
+    all of the load reads nothing though the winding stays warm, and where losses stay while neither
+    a current flows nor the shaft turns.
     """
+    yield from _lost_load(record, motor)
+    yield from _losses_at_rest(record)
     told: list[tuple[float, float]] = []
     load = of_the_load(record)
     for channel in load:
         time_s, values = samples(record, channel)
-        held, largest = _longest_held(time_s, values), float(np.max(np.abs(values), initial=0.0))
-        is_lost = held is None or abs(held[2]) <= REST_SHARE * largest
-        if is_lost:
-            held = _lost_power(record, channel)
+        largest = float(np.max(np.abs(values), initial=0.0))
+        held = _lost_power(record, channel)
+        is_lost = held is not None
+        if not is_lost:
+            held = _longest_held(time_s, values, rest=REST_SHARE * largest)
         if held is None or abs(held[2]) == largest:  # a flat top is `saturation`'s
             continue
         from_s, to_s, value = held
@@ -387,6 +396,61 @@ def load_stuck(record: Record, _: Motor) -> Iterator[Finding]:
             Remedy("Check logger and bus.", *advice),
             values={"from_s": from_s, "to_s": to_s, "value": value},
         )  # fmt: skip
+
+
+def _lost_load(record: Record, motor: Motor) -> Iterator[Finding]:
+    """Yield where all of the load reads nothing, though the winding goes on as under it."""
+    names = ("winding_degC", sink_channel(motor), "losses_W")
+    time_s, winding, sink, losses = samples(with_all_heat(record, motor), *names)
+    current_s, current = samples(record, "phase_current_A")
+    if time_s.size < LIVE_SAMPLES or not is_loaded(losses).any():
+        return
+    rests = ~is_loaded(losses)
+    if current_s.size:
+        rests &= ~(np.interp(time_s, current_s, is_loaded(np.square(current))) > 0.0)
+    as_read: QuickFit | None = None
+    for a, b in zip(*runs(rests), strict=True):
+        is_between = a > 0 and b < time_s.size and time_s[b] - time_s[a] >= MIN_STRETCH_S
+        if not is_between or winding[a] - sink[a] < UNHEATED_K or winding[b] < winding[a]:
+            continue
+        span = (float(time_s[a]), float(time_s[b - 1]))
+        as_read = as_read or quick_fit(record, motor)
+        held = quick_fit(bridge(record, [span], ""), motor)
+        if held is None or (as_read is not None and AS_WELL * held.rms_K > as_read.rms_K):
+            continue
+        yield Finding(
+            "load_stuck",
+            "error",
+            f"The load reads nothing for {span[1] - span[0]:.0f} s, but the winding does not cool: "
+            f"it goes from {winding[a]:.1f} to {winding[b]:.1f} °C. The load was on, and not "
+            "recorded.",
+            place(record, "losses_W", *span),
+            Remedy("Check logger and bus. To run straight over it: ",
+                   widened(record, "bridge", [span]), "."),
+            values={"from_s": span[0], "to_s": span[1], "value": 0.0},
+        )  # fmt: skip
+
+
+def _losses_at_rest(record: Record) -> Iterator[Finding]:
+    """Yield a column of losses that stays where neither a current flows nor the shaft turns."""
+    if "losses_W" not in of_the_load(record):
+        return
+    time_s, losses, current, speed = samples(record, "losses_W", "phase_current_A", "speed_rpm")
+    if time_s.size < LIVE_SAMPLES or not is_loaded(np.square(current)).any():
+        return
+    still = (np.abs(current) <= REST_SHARE * np.max(np.abs(current))) & (np.abs(speed) < 1.0)
+    usual = float(np.median(losses[is_loaded(np.square(current))]))
+    if np.sum(still) < LIVE_SAMPLES or np.median(losses[still]) < FLICKERS * usual:
+        return
+    yield Finding(
+        "load_stuck",
+        "error",
+        f"losses_W is {np.median(losses[still]):.6g} W while neither a current flows nor the shaft "
+        "turns: the losses are stated, not measured.",
+        place(record, "losses_W", *map(float, time_s[still][[0, -1]])),
+        "Take losses_W from a column that is measured, or from the powers.",
+        values={"value": float(np.median(losses[still]))},
+    )
 
 
 def _is_at_rest(record: Record, channel: str, from_s: float, to_s: float) -> bool:

@@ -209,19 +209,27 @@ def _reversed_sign(record: Record, motor: Motor) -> Finding | None:
     time_s, *columns = samples(powers, "electrical", "shaft")
     if time_s.size < 2:
         return None
-    _, electrical, shaft = block_means(time_s, BLOCK_S, *columns)
+    means_s, electrical, shaft = block_means(time_s, BLOCK_S, *columns)
     loaded = np.abs(electrical) > LEAST_POWER * np.max(np.abs(electrical))
     loaded &= np.abs(shaft) > LEAST_POWER * np.abs(electrical)
-    if np.mean(loaded) < LEAST_SHARE or np.mean((electrical * shaft)[loaded] < 0.0) < OPPOSED:
+    opposed = loaded & (electrical * shaft < 0.0)
+    if np.mean(loaded) < LEAST_SHARE:
         return None
+    is_always = np.sum(opposed) >= OPPOSED * np.sum(loaded)
+    first, past = runs(opposed)
+    at = int(np.argmax(past - first)) if first.size else 0
+    if not is_always and (not first.size or past[at] - first[at] < LEAST_SHARE * np.sum(loaded)):
+        return None
+    whole = tuple(map(float, record.time_s[[0, -1]]))
+    from_s, to_s = whole if is_always else (float(means_s[first[at]]), float(means_s[past[at] - 1]))
     return Finding(
         "shaft_power_disagrees",
         "error",
         "Electrical and mechanical power both flow into the machine under load: torque, speed or "
         "electrical power has the wrong sign, and the losses are the sum of the two powers.",
-        place(record, "losses_W", *map(float, record.time_s[[0, -1]])),
+        place(record, "losses_W", from_s, to_s),
         "Export them so that power and torque times speed are positive where the machine drives.",
-        values={"shaft_power_gain": -2.0},
+        values={"shaft_power_gain": -2.0, "from_s": from_s, "to_s": to_s},
     )
 
 
