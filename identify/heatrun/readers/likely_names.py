@@ -226,6 +226,7 @@ class Spoken:
     # Each of its words is known, and none is a number or takes a part of the values.
     is_clear: bool
     is_symbol: bool  # Its quantity is said by a symbol alone.
+    is_extreme: bool = False  # It takes a part of the values, as "max" does.
 
     @property
     def is_electrical_speed(self) -> bool:
@@ -263,7 +264,7 @@ def likely_channels(name: str, unit: str | None = None) -> dict[str, int]:
             if is_others or "other_body" in said:
                 continue
         # a coil without a unit may be anything of the coil
-        score = min(score, LIKELY) if is_open and not unit else score
+        score = min(score, LIKELY) if (is_open and not unit) or spoken.is_extreme else score
         found[channel] = max(score, found.get(channel, 0))
     return dict(sorted(found.items(), key=lambda one: -one[1]))
 
@@ -288,7 +289,7 @@ def read_name(name: str) -> Spoken:
         if own.meanings & (QUANTITY.keys() | {*BODIES}):
             return own
     meanings: set[str] = set()
-    by_symbol, is_clear, place = "", bool(words), 0
+    by_symbol, is_clear, is_extreme, place = "", bool(words), False, 0
     while place < len(words):
         size = next(n for n in (3, 2, 1) if n == 1 or _key(words[place : place + n]) in KNOWN)
         word, key = words[place], _key(words[place : place + size])
@@ -306,10 +307,11 @@ def read_name(name: str) -> Spoken:
             meanings.add(key)
         else:
             is_clear = False
+        is_extreme |= key in EXTREMES
         is_clear &= key not in EXTREMES and (not key.isdigit() or key == "0")
     is_symbol = bool(by_symbol) and not meanings & QUANTITY.keys()
     said = meanings | {by_symbol} if is_symbol else meanings
-    return Spoken(frozenset(said), is_clear, is_symbol)
+    return Spoken(frozenset(said), is_clear, is_symbol, is_extreme)
 
 
 def _key(words: Sequence[str]) -> str:

@@ -195,7 +195,10 @@ def read_record(
     conflict = resistance_conflict(table.constants, motor, where)
     start = day_of(mapped.start)
     headed = HeaderDay() if start else header_day(preamble_of(table.notes))
-    findings = (*table.findings, *missing, *mapped.findings, *differ, *conflict)
+    # cells of a column that no channel claims are no matter of the record
+    idle = {f"{where}, column {name}" for name in mapped.unused}
+    told = (replace(one, severity="note") if one.where in idle else one for one in table.findings)
+    findings = (*told, *missing, *mapped.findings, *differ, *conflict)
     return Record(
         name=test,
         channels=channels,
