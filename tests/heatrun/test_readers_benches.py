@@ -640,3 +640,40 @@ def test_milliseconds_of_a_day_go_on_past_midnight(tmp_path):
     lines = {one.name: [each.line for each in one.proposals] for one in survey(path).free}
     assert "ms_today [ms]" in lines["ms_today"]
     assert not lines["amp_hours"]
+
+
+@pytest.mark.parametrize("jitter", [False, True])
+def test_a_temperature_that_is_repeated_until_its_next_sample(tmp_path, jitter):
+    """Rows come each second, the temperature every twelve; what is repeated is no reading."""
+    num = 400
+    comes = np.arange(0, num, 12)
+    comes[1:] += np.arange(1, comes.size) % 2 if jitter else 0
+    coil = np.round(20.0 + 40.0 * -np.expm1(-np.arange(num) / 150.0), 3)
+    last = comes[np.searchsorted(comes, np.arange(num), side="right") - 1]
+    lines = [f"{i},{coil[last[i]]},{17.5 + 0.01 * (i % 3):.2f}" for i in range(num)]
+    path = written(tmp_path, "t [s],winding_degC,I [A_rms]\n" + "\n".join(lines))
+    record = read_record(path, Motor("M", columns={"phase_current_A": "I"}))
+    is_known = np.isfinite(record["winding_degC"])
+    np.testing.assert_array_equal(record.time_s[is_known], comes)
+    np.testing.assert_array_equal(record["winding_degC"][is_known], coil[comes])
+
+
+def test_a_rounded_temperature_is_not_repeated(tmp_path):
+    coil = np.round(20.0 + 40.0 * -np.expm1(-np.arange(400) / 150.0))
+    lines = "\n".join(f"{i},{one}" for i, one in enumerate(coil))
+    record = read_record(written(tmp_path, f"t [s],winding_degC\n{lines}"), Motor("M"))
+    np.testing.assert_array_equal(record["winding_degC"], coil)
+
+
+def test_the_mean_goes_before_the_least_and_the_largest(tmp_path):
+    head = "t [s],Phase current Min [A],Phase current Max [A],Phase current Avg [A]\n"
+    path = written(tmp_path, head + rows(SECONDS, "{time},{I},{T},{I}"))
+    assert all(one.score < 3 for each in survey(path).free for one in each.proposals)
+    np.testing.assert_array_equal(read_record(path, Motor("M"))["phase_current_A"], CURRENT)
+
+
+def test_cells_of_a_column_that_no_channel_claims_are_a_note(tmp_path):
+    lines = rows(SECONDS, "{time},{T},--INF--").replace("--INF--", "0.8", 9)
+    path = written(tmp_path, f"t [s],winding_degC,LAMBDA\n{lines}")
+    (found,) = read_record(path, Motor("M")).findings
+    assert (found.id, found.severity) == ("unreadable_cells", "note")

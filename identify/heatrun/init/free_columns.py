@@ -394,7 +394,7 @@ def _proposals(column: Column, where: str) -> list[Proposal]:
             if stated:  # "MW" in a name is also the German mean: what is marked goes before it
                 text = stated[0].text
             line = f"{column.name} [{text or channel.unit}]"
-        is_counter = not stated and "bookkeeping" in read_name(column.label).meanings
+        is_counter = not stated and "other_quantity" in read_name(column.label).meanings
         if not score and (unit_from == "assumed" or is_counter):  # "amp_hours" are no hours
             continue
         unit = find_unit(text, channel.quantity) if text else None

@@ -40,12 +40,11 @@ MEANINGS: dict[str, str] = {
     "other_quantity": "freq frequency frequenz frequenza frequence frecuencia hz energy energie "
     "energia wh kwh ah amp_hours watt_hours position pos angle winkel angolo vibration schwingung "
     "pressure druck pressione humidity feuchte inductance duty mass masse massa reactive apparent "
-    "blindleistung scheinleistung blind schein reattiva apparente efficiency eff_1 wirkungsgrad "
-    "rendimento rendement slip schlupf power_factor wind_speed windgeschwindigkeit 周波数 频率 "
-    "効率 皮相 無効 无功 视在 風速 风速",
+    "blindleistung scheinleistung blind schein reattiva apparente slip schlupf power_factor "
+    "wind_speed windgeschwindigkeit 周波数 频率 皮相 無効 无功 视在 風速 风速",
+    "efficiency": "efficiency eta η eff_1 wirkungsgrad rendimento rendement rendimiento 効率 效率",
     # what no channel is
-    "bookkeeping": "amp_hour amp_hours ah watt_hour watt_hours wh kwh "
-    "status state error fault faults warn warning alarm count counter counts "
+    "bookkeeping": "status state error fault faults warn warning alarm count counter counts "
     "zaehler zahler flag flags mode limit limits lim grenz grenze grenzwert threshold set setpoint "
     "soll sollwert target ref reference demand cmd command version serial crc checksum valid "
     "quality index idx id dlc dir data_frame dataframe ueber uber over derating percent konstante "
@@ -124,6 +123,7 @@ QUANTITY = {
     "time": {"time"},
     "flow": {"flow"},
     "resistance": set(),
+    "efficiency": {"fraction"},
     "other_quantity": set(),
 }  # fmt: skip
 """Meaning to the quantities that a column with it in its name may be of."""
@@ -190,6 +190,7 @@ SPOKEN: tuple[tuple[str, str, str, int], ...] = (
     ("mechanical_power_W", "power mechanical", "loss", SURE),
     ("mechanical_power_W", "power outlet", "loss", LIKELY),
     ("mechanical_power_W", "power m", "loss", LIKELY),
+    ("efficiency", "efficiency", f"{PARTS} fan", SURE),
     ("winding_voltage_V", "voltage", "input d q", WEAK),
     ("u_d_V", "voltage d", "", LIKELY),
     ("u_q_V", "voltage q", "", LIKELY),
