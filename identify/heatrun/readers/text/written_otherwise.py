@@ -28,7 +28,7 @@ def from_json(text: str) -> str:
         try:
             read = json.loads(text)
         except json.JSONDecodeError:
-            read = [json.loads(line) for line in text.splitlines() if line.strip()]
+            read = [json.loads(line) for line in io.StringIO(text) if line.strip()]
         is_columns = isinstance(read, dict) and any(isinstance(one, list) for one in read.values())
         frame = pd.DataFrame(read) if is_columns else pd.json_normalize(read)
     except (ValueError, TypeError, AttributeError, RecursionError):
