@@ -30,8 +30,9 @@ from .course import (
     truncation,
 )
 from .excitation import single_step, too_short
-from .frozen import Looked, load_stuck, saturation, sensor_stuck
+from .frozen import Looked, saturation, sensor_stuck
 from .heat import losses_absent, losses_absurd, losses_of_dc_link
+from .load_held import load_stuck
 from .load_moments import load_late
 from .load_spike import load_spike, spike_windows
 from .losses import current_amplitude, losses_below_copper, losses_negative, losses_of_shaft
