@@ -50,18 +50,29 @@ CUT = cut(CLEAN, Stretch(1800.0), "test")
 WARM_K = float(CUT["winding_degC"][0] - CUT["ambient_degC"][0])
 
 
-def of_powers(times: float) -> Record:
+def of_powers(times: float | np.ndarray, lost: float = 0.0) -> Record:
     """A record whose losses are those of its columns of power and torque, by a torque whose power
-    is so many times the losses.
+    is so many times the losses; of that share of the samples the electrical power is lost.
     """
-    shaft_W = times * CLEAN["losses_W"]
-    columns = as_columns(changed(
-        CLEAN, speed_rpm=np.full(TIME.size, 1500.0), torque_Nm=shaft_W / (50.0 * np.pi),
-        electrical_power_W=(1.0 + abs(times)) * CLEAN["losses_W"],
-    ))  # fmt: skip
+    electrical_W = (1.0 + np.abs(times)) * CLEAN["losses_W"]
+    electrical_W = np.where(np.random.default_rng(5).random(TIME.size) < lost, 0.0, electrical_W)
+    record = changed(CLEAN, speed_rpm=np.full(TIME.size, 1500.0))
+    return of_balance(record, electrical_W, times * CLEAN["losses_W"])
+
+
+def on_two_scales(of_electrical: float = 1.0, of_torque: float = 1.0) -> Record:
+    """A record whose torque goes with the current, by powers that read so many times too much."""
+    shaft_W = 0.5 * CLEAN["phase_current_A"] * CLEAN["speed_rpm"] * np.pi / 30.0
+    electrical_W = of_electrical * (CLEAN["losses_W"] + shaft_W)
+    return of_balance(CLEAN, electrical_W, of_torque * shaft_W)
+
+
+def of_balance(record: Record, electrical_W: np.ndarray, shaft_W: np.ndarray) -> Record:
+    """A record as a bench has it that measures both powers."""
+    torque_Nm = shaft_W / (record["speed_rpm"] * np.pi / 30.0)
+    columns = as_columns(changed(record, torque_Nm=torque_Nm, electrical_power_W=electrical_W))
     mapping = tuple(one for one in columns.mapping if one.channel != "losses_W")
-    losses_W = columns["electrical_power_W"] - shaft_W
-    return replace(changed(columns, losses_W=losses_W), mapping=mapping)
+    return replace(changed(columns, losses_W=electrical_W - shaft_W), mapping=mapping)
 
 
 FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
@@ -414,6 +425,43 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
     ),
     "torque that brakes": ("shaft_power_disagrees", of_powers(-5.0), MOTOR, "error"),
     "torque that drives": ("shaft_power_disagrees", of_powers(5.0), MOTOR, None),
+    "torque whose sign changes in the midst": (
+        "shaft_power_disagrees", of_powers(np.where(TIME < 1800.0, 5.0, -5.0)), MOTOR, "error"
+    ),
+    "torque that brakes for 20 s": (
+        "shaft_power_disagrees", of_powers(np.where((TIME < 1800.0) | (TIME > 1820.0), 5.0, -5.0)),
+        MOTOR, None,
+    ),
+    "a current transformer set to twice its ratio": (
+        "losses_of_shaft", on_two_scales(of_electrical=2.0), MOTOR, "warning"
+    ),
+    "pound-feet taken for newton metres": (
+        "losses_of_shaft", on_two_scales(of_torque=0.7376), MOTOR, "warning"
+    ),
+    "a torque that reads 5 % too little": (
+        "losses_of_shaft", on_two_scales(of_torque=0.95), MOTOR, None
+    ),
+    "messages of the power lost": ("load_spike", of_powers(5.0, lost=3e-3), MOTOR, "error"),
+    "no message of the power lost": ("load_spike", of_powers(5.0), MOTOR, None),
+    "load of some minutes not recorded": (
+        "load_stuck",
+        edited(edited(STEADY, "losses_W", 1000.0, 1400.0, 0.0), "phase_current_A", 1000.0, 1400.0,
+               0.0),
+        MOTOR, "error",
+    ),
+    "losses that are stated": (
+        "load_stuck",
+        changed(RESTING, losses_W=0.0 * RESTING.time_s + 300.0,
+                speed_rpm=np.where(TURNS, RESTING["speed_rpm"], 0.0),
+                phase_current_A=np.where(TURNS, RESTING["phase_current_A"], 0.0)),
+        MOTOR, "error",
+    ),
+    "a load that stops": (
+        "load_stuck",
+        changed(RESTING, speed_rpm=np.where(TURNS, RESTING["speed_rpm"], 0.0),
+                phase_current_A=np.where(TURNS, RESTING["phase_current_A"], 0.0)),
+        MOTOR, None,
+    ),
     "load that is set": (
         "load_stuck",
         changed(

@@ -20,6 +20,7 @@ from heat_runs import (
     every,
     fell_off,
     heat_run,
+    late,
     named,
     shifted_clock,
     without,
@@ -28,6 +29,7 @@ from heat_runs import (
 import heatrun
 from heatrun.checks import check_record, excitation
 from heatrun.checks.advice import MotorFileLine, Remedy, in_one_line, use_line
+from heatrun.checks.course import start_not_in_equilibrium
 from heatrun.checks.quick_fit import quick_fit
 from heatrun.checks.suitability import other_tests
 from heatrun.checks.unexplained import unexplained_movement
@@ -676,3 +678,13 @@ def test_the_hour_of_daylight_saving_is_named(by_s, id, said):
     assert "in UTC" in finding.remedy
     by_day = replace(record, clock_s=12.5 * 3600.0)
     assert not [one for one in check_record(by_day, MOTOR) if "saving" in one.message]
+
+
+def test_a_winding_that_warms_before_any_load_tells_of_the_clocks():
+    rests = heat_run(currents=(0.0, 150.0, 100.0, 150.0), minutes=40.0, step_s=1.0)
+    (found,) = start_not_in_equilibrium(late(rests, 60.0), MOTOR)
+    assert "It warms before any load" in found.message
+    said = re.search(r"at least (\d+) s", found.remedy)
+    assert said is not None
+    assert 40.0 < float(said[1]) <= 60.0
+    assert "load_offset" in found.remedy

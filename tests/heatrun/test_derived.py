@@ -45,6 +45,15 @@ def test_current_and_power_of_a_three_phase_system_agree():
     assert channels["phase_current_A"][0] == pytest.approx(rms, rel=1e-12)
 
 
+def test_losses_from_the_efficiency_of_an_analyser_that_writes_none_at_rest():
+    power = {"electrical_power_W": np.array([2.0, 1000.0])}
+    channels, notes = derive(power | {"efficiency": np.array([np.nan, 0.9])})
+    np.testing.assert_allclose(channels["losses_W"], [2.0, 100.0], rtol=1e-12)
+    assert "electrical_power_W·(1 - efficiency)" in notes[0]
+    measured, _ = derive(power | SHAFT | {"efficiency": np.array([0.9, 0.9])})
+    np.testing.assert_allclose(measured["losses_W"], power["electrical_power_W"] - SHAFT_W)
+
+
 @pytest.mark.parametrize("phases", [3, 6])
 def test_losses_from_d_and_q(phases):
     channels, notes = derive(DQ | SHAFT, phases=phases)

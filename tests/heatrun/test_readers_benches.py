@@ -526,3 +526,154 @@ def test_the_mark_of_a_sample_of_a_tag_is_its_own(tmp_path):
     assert np.flatnonzero(np.isnan(record["winding_degC"])).tolist() == [5]
     assert any("1 of" in one.message for one in record.findings if one.id == "unreadable_cells")
     np.testing.assert_array_equal(record["phase_current_A"], CURRENT)
+
+
+def of_values(columns):
+    """Return the columns that hold the temperature and the current."""
+    return [
+        name for name, one in columns.items()
+        if any(np.array_equal(one.values, each) for each in (TEMPERATURE, CURRENT))
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("head", "names"),
+    [
+        ("t;MX1 coil;MX2 I\ns;°C;A\n;Type K;Type K\n", ["MX1 coil", "MX2 I"]),
+        ("Tag,coil,current\nTime [s],Value,Value\n", ["coil Value", "current Value"]),
+    ],
+)
+def test_a_word_over_several_columns_is_no_name(tmp_path, head, names):
+    form = "{time};{T:.2f};{I:.1f}" if ";" in head else "{time},{T:.2f},{I:.1f}"
+    columns = by_name(written(tmp_path, head + rows(SECONDS, form)))
+    assert of_values(columns) == names
+
+
+OSCILLOSCOPE = (
+    '"Model","DL"\n"TraceName","Coil","Current"\n"BlockSize",12,12\n"VUnit","C","A"\n'
+    '"HResolution",5.0,5.0\n"HUnit","s","s"\n"Points",1,1\n"Time","08:15:20.0","08:15:20.0"\n\n'
+)
+EXPERIMENT = (
+    "sampling,5\npath,,Root/Coil,Root/Current\ndescription,,,\nunit,s,C,A\n"
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("content", "names"),
+    [
+        (OSCILLOSCOPE + rows(SECONDS, ",{T:.2f},{I:.1f}"), ["Coil", "Current"]),
+        (EXPERIMENT + "trace_values" + rows(SECONDS, ",{time},{T:.2f},{I:.1f}"),
+         ["Root/Coil", "Root/Current"]),
+    ],
+)  # fmt: skip
+def test_a_header_of_lines_that_begin_with_what_they_say(tmp_path, content, names):
+    columns = by_name(written(tmp_path, content))
+    assert of_values(columns) == names
+    assert [columns[name].unit for name in names] == ["C", "A"]
+    times = next(iter(columns.values()))
+    assert times.unit == "s"
+    np.testing.assert_allclose(times.values, 5.0 * np.arange(N))
+
+
+def test_tags_with_names_of_a_panel(tmp_path):
+    lines = [
+        f'"{tag}";"13.05.2024 08:00:{5 * i:02d}";{f"{values[i]:.2f}".replace(".", ",")};1;{i},5'
+        for i in range(N)
+        for tag, values in (("T_coil", TEMPERATURE), ("I_motor", CURRENT))
+    ]
+    head = '"VarName";"TimeString";"VarValue";"Validity";"Time_ms"\n'
+    columns = by_name(written(tmp_path, head + "\n".join(lines)))
+    assert of_values(columns) == ["T_coil", "I_motor"]
+    np.testing.assert_array_equal(columns["TimeString"].values, 5.0 * np.arange(N))
+
+
+def test_tables_of_tags_below_each_other_are_no_restart(tmp_path):
+    head = "time,field,value\n"
+    coil, current = (
+        head + rows(SECONDS, f"{{time}},{name},{{{key}:.2f}}") + "\n"
+        for name, key in (("coil", "T"), ("current", "I"))
+    )
+    table = read_text((coil + "\n" + current).encode(), "test.csv")
+    assert [one.name for one in table.columns] == ["time", "coil", "current"]
+    assert not table.findings
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "\n".join(
+            f'{{"t": {5 * i}, "motor": {{"coil": {TEMPERATURE[i]}, "amps": {CURRENT[i]}}}}}'
+            for i in range(N)
+        ),
+        pd.DataFrame({"t": 5 * np.arange(N), "coil": TEMPERATURE, "amps": CURRENT}).to_json(
+            orient="records"
+        ),
+    ],
+)
+def test_json(tmp_path, content):
+    columns = by_name(written(tmp_path, content, "test.json"))
+    assert [name.rpartition(".")[2] for name in of_values(columns)] == ["coil", "amps"]
+
+
+@pytest.mark.parametrize(("separator", "sign"), [(",", "."), (";", ",")])
+def test_units_in_the_cells(tmp_path, separator, sign):
+    """A display writes 850 W and 1.2 kW in one column."""
+    power = np.where(np.arange(N) % 2, 850.0, 1200.0)
+    cells = [(f"{5 * i}", f"{TEMPERATURE[i]} °C", "850 W" if i % 2 else "1.2 kW") for i in range(N)]
+    lines = [separator.join(f'"{cell}"' for cell in row).replace(".", sign) for row in cells]
+    columns = by_name(written(tmp_path, f"t{separator}Coil{separator}P\n" + "\n".join(lines)))
+    assert columns["Coil [°C]"].unit == "°C"
+    np.testing.assert_array_equal(columns["Coil [°C]"].values, TEMPERATURE)
+    np.testing.assert_allclose(columns["P [kW]"].values, power / 1e3)
+
+
+def test_html_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"got HTML or XML.*read_html"):
+        by_name(written(tmp_path, "<html><table><tr><td>1</td></tr></table></html>", "test.xls"))
+
+
+def test_milliseconds_of_a_day_go_on_past_midnight(tmp_path):
+    day = [f"{(86400_000 - 30_000 + 5000 * i) % 86400_000}" for i in range(N)]
+    path = written(tmp_path, "ms_today;amp_hours;temp_motor;I\n" + rows(day, "{time};{i};{T};{I}"))
+    motor = Motor("m", columns={"time_s": "ms_today [ms]", "winding_degC": "temp_motor"})
+    np.testing.assert_allclose(read_record(path, motor).time_s, 5.0 * np.arange(N))
+    lines = {one.name: [each.line for each in one.proposals] for one in survey(path).free}
+    assert "ms_today [ms]" in lines["ms_today"]
+    assert not lines["amp_hours"]
+
+
+@pytest.mark.parametrize("jitter", [False, True])
+def test_a_temperature_that_is_repeated_until_its_next_sample(tmp_path, jitter):
+    """Rows come each second, the temperature every twelve; what is repeated is no reading."""
+    num = 400
+    comes = np.arange(0, num, 12)
+    comes[1:] += np.arange(1, comes.size) % 2 if jitter else 0
+    coil = np.round(20.0 + 40.0 * -np.expm1(-np.arange(num) / 150.0), 3)
+    last = comes[np.searchsorted(comes, np.arange(num), side="right") - 1]
+    lines = [f"{i},{coil[last[i]]},{17.5 + 0.01 * (i % 3):.2f}" for i in range(num)]
+    path = written(tmp_path, "t [s],winding_degC,I [A_rms]\n" + "\n".join(lines))
+    record = read_record(path, Motor("M", columns={"phase_current_A": "I"}))
+    is_known = np.isfinite(record["winding_degC"])
+    np.testing.assert_array_equal(record.time_s[is_known], comes)
+    np.testing.assert_array_equal(record["winding_degC"][is_known], coil[comes])
+
+
+def test_a_rounded_temperature_is_not_repeated(tmp_path):
+    coil = np.round(20.0 + 40.0 * -np.expm1(-np.arange(400) / 150.0))
+    lines = "\n".join(f"{i},{one}" for i, one in enumerate(coil))
+    record = read_record(written(tmp_path, f"t [s],winding_degC\n{lines}"), Motor("M"))
+    np.testing.assert_array_equal(record["winding_degC"], coil)
+
+
+def test_the_mean_goes_before_the_least_and_the_largest(tmp_path):
+    head = "t [s],Phase current Min [A],Phase current Max [A],Phase current Avg [A]\n"
+    path = written(tmp_path, head + rows(SECONDS, "{time},{I},{T},{I}"))
+    assert all(one.score < 3 for each in survey(path).free for one in each.proposals)
+    np.testing.assert_array_equal(read_record(path, Motor("M"))["phase_current_A"], CURRENT)
+
+
+def test_cells_of_a_column_that_no_channel_claims_are_a_note(tmp_path):
+    lines = rows(SECONDS, "{time},{T},--INF--").replace("--INF--", "0.8", 9)
+    path = written(tmp_path, f"t [s],winding_degC,LAMBDA\n{lines}")
+    (found,) = read_record(path, Motor("M")).findings
+    assert (found.id, found.severity) == ("unreadable_cells", "note")

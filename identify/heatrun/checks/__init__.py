@@ -30,8 +30,9 @@ from .course import (
     truncation,
 )
 from .excitation import single_step, too_short
-from .frozen import Looked, load_stuck, saturation, sensor_stuck
+from .frozen import Looked, saturation, sensor_stuck
 from .heat import losses_absent, losses_absurd, losses_of_dc_link
+from .load_held import load_stuck
 from .load_moments import load_late
 from .load_spike import load_spike, spike_windows
 from .losses import current_amplitude, losses_below_copper, losses_negative, losses_of_shaft
@@ -229,10 +230,13 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
     if finding.id == "shaft_power_disagrees":
         shaft = recorded_shaft_power(record.channels)
         terms = {"shaft_power_offset": 1.0, "shaft_power_gain": shaft}
-        terms["torque_offset"] = RAD_PER_S_PER_RPM * np.asarray(record["speed_rpm"])
+        if "speed_rpm" in record:
+            terms["torque_offset"] = RAD_PER_S_PER_RPM * np.asarray(record["speed_rpm"])
         taken = [n for n in finding.values if n in terms and not prior_of(motor, n, 0.0).is_fixed]
         told = (terms[name] * finding.values[name] for name in taken)
-        losses = record["losses_W"] - sum(told)
+        from_s, to_s = (finding.values.get(name) for name in ("from_s", "to_s"))
+        lasts = within(record.time_s, [(from_s or -np.inf, np.inf if to_s is None else to_s)])
+        losses = record["losses_W"] - sum(told) * lasts
         return replace(record, channels={**record.channels, "losses_W": losses}), motor
     if finding.id == "resistance_coefficient":
         B = finding.values["coefficient_degC"] or motor.resistance_coefficient_degC
@@ -260,7 +264,7 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
         return replace(record, channels={**record.channels, **pair}), motor
     if finding.id == "load_late":
         return move_load(record, -(finding.values["late_s"] or 0.0), ""), motor
-    if finding.id == "load_stuck":
+    if finding.id == "load_stuck" and "from_s" in finding.values:
         held = (finding.values["from_s"] or 0.0, finding.values["to_s"] or 0.0)
         return bridge(mask(record, [*record.masks, held], ""), [held], ""), motor
     if finding.id == "unit_suspected":

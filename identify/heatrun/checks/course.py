@@ -26,6 +26,7 @@ from ..record.samples import (
     with_all_heat,
 )
 from ..record.stretch import runs
+from .advice import section_of
 from .quick_fit import solved_decays
 
 BLOCK_S = 30.0
@@ -274,6 +275,10 @@ RESTED_S = 600.0
 """A winding that stands still for so long without load is as warm as what cools it [s]."""
 
 
+EXCEEDS = 0.2
+"""Part of a rise [1] from which it has begun."""
+
+
 def start_not_in_equilibrium(record: Record, motor: Motor) -> Iterator[Finding]:
     """Warn if the machine is not at the temperature of its sink when the test begins.
 
@@ -301,6 +306,14 @@ def start_not_in_equilibrium(record: Record, motor: Motor) -> Iterator[Finding]:
         meaning = "It stands still there, so that it is the constant that is wrong."
         at_rest = float(np.median(winding[:lead]))
         remedy = f"Correct it under [constants]: {sink_name} = {at_rest:.1f}."
+    elif is_drifting and drift > 0.0 and not is_hot:
+        begins = winding[:lead] > np.mean(winding[:part]) + EXCEEDS * drift
+        late_s = float(time_s[lead - 1] - time_s[np.argmax(begins)])
+        meaning = "It warms before any load: the load is recorded late, or began unrecorded."
+        remedy = (
+            f"Check the clocks of the loggers; to move the load, at least {late_s:.0f} s: "
+            f"{section_of(record)} load_offset = -SECONDS in the motor file."
+        )
     elif any(body in record for body in STATOR):
         meaning = "Bodies that no sensor reads then start at an unknown temperature."
         remedy = "Start the next test after a soak."

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..record.channels import BODIES, CHANNEL
+from ..record.channels import BODIES
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.samples import (
@@ -28,8 +28,7 @@ from ..record.samples import (
     with_all_heat,
 )
 from ..record.stretch import windows, within
-from .advice import Part, Remedy, mask_line, use_line, widened
-from .load_spike import of_the_load
+from .advice import Remedy, mask_line
 from .quick_fit import QuickFit, course_of, fit_of, quick_fit
 from .time_axis import GAP_STEPS, MAX_GAP_S, MAX_GAP_SHARE
 from .unexplained import Movement, unexplained_movement
@@ -307,7 +306,7 @@ def _stuck_beside(record: Record) -> Iterator[Finding]:
     """Yield the longest stretch in which a temperature beside the winding's stands still."""
     for channel in (*BODIES, "ambient_degC", "coolant_degC"):
         time_s, values = samples(record, channel)
-        held = _longest_held(time_s, values)
+        held = longest_held(time_s, values)
         if held is None:
             continue
         from_s, to_s, reading = held
@@ -323,100 +322,24 @@ def _stuck_beside(record: Record) -> Iterator[Finding]:
         )
 
 
-def _longest_held(
-    time_s: np.ndarray, values: np.ndarray, least_s: float = MIN_STRETCH_S
+def longest_held(
+    time_s: np.ndarray, values: np.ndarray, least_s: float = MIN_STRETCH_S, rest: float = -np.inf
 ) -> tuple[float, float, float] | None:
     """Return begin and end [s] of the longest stretch in which a channel stands still whose last
-    digit changes elsewhere, and what it reads there; None where none lasts so long.
+    digit changes elsewhere, and what it reads there; None where none lasts so long. What it reads
+    at rest, up to that size, says nothing.
     """
-    first, past = runs(np.diff(values) == 0.0)
+    works = (np.abs(values) > rest)[1:]
+    first, past = runs((np.diff(values) == 0.0) & works)
     if first.size == 0 or np.ptp(values) == 0.0:
         return None
     longest = int(np.argmax(past - first))
     a, b = int(first[longest]), int(past[longest])
-    elsewhere = np.delete(np.diff(values), slice(a, b))
+    elsewhere = np.delete(np.diff(values), slice(a, b))[np.delete(works, slice(a, b))]
     is_live = elsewhere.size > b - a and float(np.mean(elsewhere != 0.0)) >= LIVE_SHARE
     if b - a < LIVE_SAMPLES or time_s[b] - time_s[a] < least_s or not is_live:
         return None
     return float(time_s[a]), float(time_s[b]), float(values[a])
-
-
-def load_stuck(record: Record, _: Motor) -> Iterator[Finding]:
-    """Report the longest stretch in which a column of the load stands still, at no zero, though
-    its last digit changes elsewhere: the logger has held its last value. A power is held at zero
-    too, where current flows.
-
-    An error where it is as long as a gap that is one, and another column of the load goes on (a
-    load that is set, not measured, may stand still), and of a power while current flows.
-    """
-    told: list[tuple[float, float]] = []
-    load = of_the_load(record)
-    for channel in load:
-        time_s, values = samples(record, channel)
-        held, largest = _longest_held(time_s, values), float(np.max(np.abs(values), initial=0.0))
-        is_lost = held is None or abs(held[2]) <= REST_SHARE * largest
-        if is_lost:
-            held = _lost_power(record, channel)
-        if held is None or abs(held[2]) == largest:  # a flat top is `saturation`'s
-            continue
-        from_s, to_s, value = held
-        if any(from_s < end and begin < to_s for begin, end in told):
-            continue  # the logger held all of its channels at once
-        if _is_at_rest(record, channel, from_s, to_s):
-            continue
-        told.append((from_s, to_s))
-        parts = [
-            (float(np.nanmin(record.time_s)), from_s), (to_s, float(np.nanmax(record.time_s)))
-        ]  # fmt: skip
-        long = [part for part in parts if part[1] - part[0] > MIN_STRETCH_S]
-        advice: tuple[Part, ...] = ()
-        if any(_is_steady(record, other, from_s, to_s) for other in load if other != channel):
-            advice = " To run straight over it: ", widened(record, "bridge", [(from_s, to_s)]), "."
-        elif long:
-            advice = " To use what is before and behind: ", use_line(record, *long), "."
-        inside = within(record.time_s, [(from_s, to_s)])
-        goes_on = any(np.mean(np.diff(record[other][inside]) != 0.0) > 0.5 for other in load)
-        is_long = to_s - from_s > min(MAX_GAP_S, MAX_GAP_SHARE * record.duration_s)
-        why = "while current flows" if is_lost else "but its last digit changes elsewhere"
-        yield Finding(
-            "load_stuck",
-            "error" if is_lost or (is_long and goes_on) else "warning",
-            f"{channel} stands at {value:.6g} {CHANNEL[channel].unit} for {to_s - from_s:.0f} s, "
-            f"{why}: the value was held, not measured.",
-            place(record, channel, from_s, to_s),
-            Remedy("Check logger and bus.", *advice),
-            values={"from_s": from_s, "to_s": to_s, "value": value},
-        )  # fmt: skip
-
-
-def _is_at_rest(record: Record, channel: str, from_s: float, to_s: float) -> bool:
-    """Return whether no current flows while another channel of the load stands still."""
-    if channel == "phase_current_A":
-        return False
-    time_s, current = samples(record, "phase_current_A")
-    inside = within(time_s, [(from_s, to_s)])
-    return bool(inside.any()) and not is_loaded(np.square(current))[inside].any()
-
-
-def _is_steady(record: Record, channel: str, from_s: float, to_s: float) -> bool:
-    """Return whether a channel of the load is live, and the same all through a stretch and beside
-    it.
-    """
-    time_s, values = samples(record, channel)
-    around = values[within(time_s, [(from_s - LIVE_S, to_s + LIVE_S)])]
-    is_live = np.mean(np.diff(around) != 0.0) > FLICKERS if around.size > 1 else False
-    return bool(is_live and np.ptp(around) < STEADY * np.max(np.abs(values)))
-
-
-def _lost_power(record: Record, channel: str) -> tuple[float, float, float] | None:
-    """Return, as `_longest_held`, where a power reads nothing while current flows."""
-    if CHANNEL[channel].quantity != "power":
-        return None
-    time_s, values, current = samples(record, channel, "phase_current_A")
-    flows = is_loaded(np.square(current))
-    held = _longest_held(time_s[flows], values[flows], LIVE_S)
-    is_nothing = held is not None and abs(held[2]) <= REST_SHARE * np.max(np.abs(values))
-    return held if is_nothing else None
 
 
 def _flat_top(values: np.ndarray, extreme: float) -> np.ndarray:

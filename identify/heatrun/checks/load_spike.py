@@ -46,6 +46,9 @@ CONTRADICTION = 10.0
 """Copper loss over the recorded losses, or a power over all else under one current [1], that no
 instrument explains, and no inrush: its power is in the losses too."""
 
+NOTHING, MOMENT = 0.01, 3
+"""In parts of the largest value [1], what a lost message reads, and samples that it lasts."""
+
 SHOWS_S = 120.0
 """So long after a burst its heat has reached the winding, wherever it was made [s]."""
 
@@ -81,6 +84,7 @@ def load_spike(record: Record, motor: Motor) -> Iterator[Finding]:
         if is_near and CHANNEL[name].quantity == "phase current":
             is_far, rest = _beyond(values, MARKED)
         if not is_far.any():
+            yield from _dropped(record, name)
             continue
         first, past = runs(is_far)
         spans = windows(time_s, is_far)
@@ -119,9 +123,51 @@ def load_spike(record: Record, motor: Motor) -> Iterator[Finding]:
         )
 
 
+def _dropped(record: Record, name: str) -> Iterator[Finding]:
+    """Yield samples of a power or a torque that read nothing, for a moment, under a steady load,
+    beside which the other side of the balance goes on: a message was lost.
+    """
+    spans, wrong_W = _dropped_windows(record, name)
+    if not spans:
+        return
+    count = int(np.sum(within(record.time_s, spans)))
+    yield Finding(
+        "load_spike",
+        "error",
+        f"{name} reads 0 in {count} samples amid a steady load, while the other side of the "
+        f"balance goes on: losses_W is {wrong_W:.3g} W there.",
+        place(record, name, spans[0][0], spans[-1][1]),
+        Remedy("Leave these lines out of the file. Or to run straight over them: ",
+               widened(record, "bridge", spans),
+               ". Find out what the logger writes where a message is lost."),
+        values={"largest": 0.0, "times_the_next": 0.0, "num_samples": float(count),
+                "from_s": spans[0][0], "to_s": spans[-1][1]},
+    )  # fmt: skip
+
+
+def _dropped_windows(record: Record, name: str) -> tuple[list[tuple[float, float]], float]:
+    """Return the windows [s] of lost messages, and what the losses read there [W]."""
+    time_s, values, losses = samples(record, name, "losses_W")
+    if time_s.size < 3 or name == "losses_W" or CHANNEL[name].quantity not in ("power", "torque"):
+        return [], 0.0
+    size, usual = np.abs(values), float(np.quantile(np.abs(losses), 1.0 - FEW))
+    lost = np.zeros(size.size, dtype=bool)
+    for a, b in zip(*runs(size <= NOTHING * np.max(size)), strict=True):
+        if a > 0 and b < size.size and b - a <= MOMENT:
+            beside = sorted((size[a - 1], size[b]))
+            own = max(SHOWN * usual, abs(losses[a - 1]), abs(losses[b]))
+            is_wrong = np.min(np.abs(losses[a:b])) > BEYOND * own
+            lost[a:b] = beside[0] > STEADY * beside[1] and is_wrong
+    if not lost.any() or np.mean(lost) > FEW:
+        return [], 0.0
+    return windows(time_s, lost), float(np.median(losses[lost]))
+
+
 def spike_windows(record: Record, finding: Finding) -> list[tuple[float, float]]:
     """Return the windows [s] of a finding of `load_spike`."""
     name = channel_of(finding)
+    if not finding.values["largest"]:
+        return _dropped_windows(record, name)[0]
     time_s, values = samples(record, name)
     return windows(time_s, _beyond(values, min(BEYOND, finding.values["times_the_next"] or 0.0))[0])
 

@@ -13,6 +13,7 @@ from ..record.balance_errors import (
     LEAST_POWER,
     SHAFT_GAIN_SD,
     STANDSTILL_RPM,
+    excess_of_shaft,
     own_errors,
     prior_of,
 )
@@ -277,8 +278,12 @@ def losses_of_shaft(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report recorded losses that are nearly torque times speed.
 
     They are the input power, or the shaft's own. An error where the load varies and the copper
-    loss is known to be a small part of them, else a warning: an efficiency may be below 50 %.
+    loss is known to be a small part of them, else a warning: an efficiency may be below 50 %. A
+    warning, too, of losses from a balance that hold a good part of the shaft's power.
     """
+    if (excess := excess_of_shaft(record, motor)) is not None:
+        yield _off_scale(record, excess)
+        return
     shaft = recorded_shaft_power(record.channels) if motor.losses == "balance" else None
     reading = next((one for one in record.mapping if one.channel == "losses_W"), None)
     if reading is None or reading.unit_from == "derived":
@@ -324,6 +329,21 @@ def losses_of_shaft(record: Record, motor: Motor) -> Iterator[Finding]:
         else f"Write electrical_power_W = {line} in place of losses_W: the losses are then "
         "what the shaft does not take.",
         values={"ratio": typical, "is_output": float(is_output)},
+    )
+
+
+def _off_scale(record: Record, excess: float) -> Finding:
+    return Finding(
+        "losses_of_shaft",
+        "warning",
+        "Expected losses that go with the square of the current; beside these, losses_W holds "
+        f"{100.0 * excess:.0f} % of the mechanical power: the electrical power reads "
+        f"{1.0 + excess:.3g} times what it should, or the torque {1.0 / (1.0 + excess):.2g} of it.",
+        place(record, "losses_W", *map(float, record.time_s[[0, -1]])),
+        "Check the unit of the torque (0.74: pound-feet taken for N m), and the ratio of the "
+        "current transformers. Where a gear or an inverter lies between the two, its losses are "
+        "none of the machine's.",
+        values={"excess": excess},
     )
 
 

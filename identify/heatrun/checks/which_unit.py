@@ -47,6 +47,8 @@ SCALES = (
     ("phase_current_A", 2.0, 1e-3,
      "the clamp reads half the current, by its setting or on one of two cables",
      "scale the column of the current in the file"),
+    ("electrical_power_W", 3.0, 0.02, "electrical_power_W is that of one phase of three",
+     "take the sum of the phases, or scale the column in the file"),
     ("torque_Nm", 0.95, 0.02, "the torque reads 5 % too much",
      "calibrate the torque sensor, or write [parameters.shaft_power_gain] sd = 0.05"),
     ("torque_Nm", 0.9, 0.005, "the torque reads 10 % too much",

@@ -14,7 +14,7 @@ import pandas as pd
 
 from ..errors import InputError
 from ..io.quantities import printable
-from ..readers.clock import parse_time_format, read_stated
+from ..readers.clock import parse_time_format, read_stated, rises, unwrapped
 from ..readers.labels import named_unit, speaks_of
 from ..readers.likely_names import LIKELY, NOT_THE_SHAFTS, QUANTITY, read_name
 from ..readers.mapping import statements, unit_of
@@ -252,7 +252,8 @@ def course_of(values: np.ndarray) -> Course | None:
     if values.size == 0:
         return None
     low, high = np.quantile(values, (SPIKES, 1.0 - SPIKES))
-    is_growing = bool(values[-1] > values[0] and np.all(np.diff(values) >= 0.0))
+    counted = (unwrapped(values * per_s, "h")[0] for per_s in (1.0, 1e-3))  # s or ms of a day
+    is_growing = any(one[-1] > one[0] and rises(one) for one in counted)
     return Course(float(low), float(high), float(np.mean(values)), is_growing)
 
 
@@ -393,7 +394,8 @@ def _proposals(column: Column, where: str) -> list[Proposal]:
             if stated:  # "MW" in a name is also the German mean: what is marked goes before it
                 text = stated[0].text
             line = f"{column.name} [{text or channel.unit}]"
-        if unit_from == "assumed" and not score:
+        is_counter = not stated and "other_quantity" in read_name(column.label).meanings
+        if not score and (unit_from == "assumed" or is_counter):  # "amp_hours" are no hours
             continue
         unit = find_unit(text, channel.quantity) if text else None
         symbol = unit.symbol if unit else channel.unit

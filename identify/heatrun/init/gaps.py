@@ -33,8 +33,8 @@ WHY = {
     'time_s = "rate 10 Hz".',
     "phase_current_A": "the copper loss, which heats the winding itself, follows from the current.",
     "losses_W": "the heat that the temperatures answer to: a column of them, or the power that "
-    "goes in ({}) less the shaft's (mechanical_power_W, or torque_Nm and speed_rpm; where it "
-    "stands, speed_rpm = 0 under [constants]).",
+    "goes in ({}) less the shaft's (mechanical_power_W, or torque_Nm and speed_rpm, or "
+    "efficiency; where it stands, speed_rpm = 0 under [constants]).",
     "ambient_degC": "heat flows by the difference to it. Name its column, or write its mean under "
     '[constants]; a liquid-cooled machine takes sink = "coolant" under [motor].',
     "coolant_degC": "no column is the room's, so that the coolant is what the heat flows to: "

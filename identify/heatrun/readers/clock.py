@@ -180,7 +180,7 @@ def read_stated(cells: pd.Series, stated: TimeFormat) -> Values:
     if "s" in stated.parts:
         places = "." + parts["f"] if "f" in stated.parts else parts["s"]
         seconds = np.round(seconds, decimals(places))  # undo the rounding of the sum
-    seconds, wrapped = _unwrapped(seconds, stated.parts)
+    seconds, wrapped = unwrapped(seconds, stated.parts)
     return Times(seconds, f"read as {stated.spoken}, as stated{wrapped}")
 
 
@@ -214,7 +214,7 @@ def read_clock(cells: pd.Series, name: str = "time") -> Values:
     note = f"read as {' and '.join(form for form, _ in forms)}"
     if len(forms) != 1:
         return Times(seconds, note)
-    seconds, wrapped = _unwrapped(seconds, forms[0][1])
+    seconds, wrapped = unwrapped(seconds, forms[0][1])
     question = None
     if forms[0][1] == "hms" and not has_fraction and parts["half"].isna().all():
         question = _other_parts(seconds, parts, name)
@@ -237,8 +237,8 @@ def read_days(cells: pd.Series) -> Values:
 def _two_parts(parts: pd.DataFrame, name: str) -> Values:
     """Return `a:b`: minutes and seconds, or hours and minutes."""
     first, second = numbers(parts["minute"]), numbers(parts["second"])
-    short, short_wrapped = _unwrapped(60.0 * first + second, "ms")
-    long, long_wrapped = _unwrapped(_half_days(HOUR_S * first + 60.0 * second, parts["half"]), "hm")
+    short, short_wrapped = unwrapped(60.0 * first + second, "ms")
+    long, long_wrapped = unwrapped(_half_days(HOUR_S * first + 60.0 * second, parts["half"]), "hm")
     if parts["half"].notna().any():
         return Times(long, f"read as hours:minutes, for they have am or pm{long_wrapped}")
     forward = rises(short), rises(long)
@@ -336,7 +336,7 @@ def _half_days(seconds: np.ndarray, half: pd.Series) -> np.ndarray:
     return np.where(twelve, counted, seconds)
 
 
-def _unwrapped(seconds: np.ndarray, parts: str) -> tuple[np.ndarray, str]:
+def unwrapped(seconds: np.ndarray, parts: str) -> tuple[np.ndarray, str]:
     """Return times that go on where the clock begins anew, and words for it.
 
     Only what is plainly the clock's own turn is followed: at midnight, or at the full hour for

@@ -22,12 +22,12 @@ from ..record.table import Column, Stated, Table, on_all_times
 from ..record.units import find_unit
 from .labels import names_time
 
-TIMES = frozenset(("time", "timestamp", "datetime", "ts", "zeit", "zeitstempel"))
+TIMES = frozenset(("time", "timestamp", "datetime", "ts", "zeit", "zeitstempel", "timestring"))
 TAGS = frozenset(
     ("tag", "tagname", "field", "signal", "signalname", "channel", "channelname", "variable",
-     "variablename", "parameter", "sensor", "point", "pointname", "metric")
+     "variablename", "parameter", "sensor", "point", "pointname", "metric", "varname")
 )  # fmt: skip
-VALUES = frozenset(("value", "val", "wert", "valore", "valeur", "valor"))
+VALUES = frozenset(("value", "val", "wert", "valore", "valeur", "valor", "varvalue"))
 UNITS = frozenset(("unit", "units", "engunits", "einheit", "uom"))
 """Names of the columns of such a table, in lower case and letters alone."""
 
@@ -78,8 +78,10 @@ def by_tag(table: Table, cells: dict[str, pd.Series], where: str) -> Table:
               if name not in (time.name, value.name, tag)]  # fmt: skip
     unused = f" Not used: {', '.join(others)}." if others else ""
     note = f"A row for each sample of a tag: each '{tag}' is read as a column.{unused}"
+    # a table for each tag, one below the other, has its header again above each
+    findings = tuple(one for one in table.findings if one.id != "logger_restarted")
     return replace(table, columns=tuple(columns), text_columns={}, sample_numbers=None,
-                   is_by_tag=True, notes=(*table.notes, note))  # fmt: skip
+                   is_by_tag=True, findings=findings, notes=(*table.notes, note))  # fmt: skip
 
 
 def by_clock(table: Table) -> Table:

@@ -40,9 +40,9 @@ MEANINGS: dict[str, str] = {
     "other_quantity": "freq frequency frequenz frequenza frequence frecuencia hz energy energie "
     "energia wh kwh ah amp_hours watt_hours position pos angle winkel angolo vibration schwingung "
     "pressure druck pressione humidity feuchte inductance duty mass masse massa reactive apparent "
-    "blindleistung scheinleistung blind schein reattiva apparente efficiency eff_1 wirkungsgrad "
-    "rendimento rendement slip schlupf power_factor wind_speed windgeschwindigkeit 周波数 频率 "
-    "効率 皮相 無効 无功 视在 風速 风速",
+    "blindleistung scheinleistung blind schein reattiva apparente slip schlupf power_factor "
+    "wind_speed windgeschwindigkeit 周波数 频率 皮相 無効 无功 视在 風速 风速",
+    "efficiency": "efficiency eta η eff_1 wirkungsgrad rendimento rendement rendimiento 効率 效率",
     # what no channel is
     "bookkeeping": "status state error fault faults warn warning alarm count counter counts "
     "zaehler zahler flag flags mode limit limits lim grenz grenze grenzwert threshold set setpoint "
@@ -123,6 +123,7 @@ QUANTITY = {
     "time": {"time"},
     "flow": {"flow"},
     "resistance": set(),
+    "efficiency": {"fraction"},
     "other_quantity": set(),
 }  # fmt: skip
 """Meaning to the quantities that a column with it in its name may be of."""
@@ -189,6 +190,7 @@ SPOKEN: tuple[tuple[str, str, str, int], ...] = (
     ("mechanical_power_W", "power mechanical", "loss", SURE),
     ("mechanical_power_W", "power outlet", "loss", LIKELY),
     ("mechanical_power_W", "power m", "loss", LIKELY),
+    ("efficiency", "efficiency", f"{PARTS} fan", SURE),
     ("winding_voltage_V", "voltage", "input d q", WEAK),
     ("u_d_V", "voltage d", "", LIKELY),
     ("u_q_V", "voltage q", "", LIKELY),
@@ -225,6 +227,7 @@ class Spoken:
     # Each of its words is known, and none is a number or takes a part of the values.
     is_clear: bool
     is_symbol: bool  # Its quantity is said by a symbol alone.
+    is_extreme: bool = False  # It takes a part of the values, as "max" does.
 
     @property
     def is_electrical_speed(self) -> bool:
@@ -262,7 +265,7 @@ def likely_channels(name: str, unit: str | None = None) -> dict[str, int]:
             if is_others or "other_body" in said:
                 continue
         # a coil without a unit may be anything of the coil
-        score = min(score, LIKELY) if is_open and not unit else score
+        score = min(score, LIKELY) if (is_open and not unit) or spoken.is_extreme else score
         found[channel] = max(score, found.get(channel, 0))
     return dict(sorted(found.items(), key=lambda one: -one[1]))
 
@@ -287,7 +290,7 @@ def read_name(name: str) -> Spoken:
         if own.meanings & (QUANTITY.keys() | {*BODIES}):
             return own
     meanings: set[str] = set()
-    by_symbol, is_clear, place = "", bool(words), 0
+    by_symbol, is_clear, is_extreme, place = "", bool(words), False, 0
     while place < len(words):
         size = next(n for n in (3, 2, 1) if n == 1 or _key(words[place : place + n]) in KNOWN)
         word, key = words[place], _key(words[place : place + size])
@@ -305,10 +308,11 @@ def read_name(name: str) -> Spoken:
             meanings.add(key)
         else:
             is_clear = False
+        is_extreme |= key in EXTREMES
         is_clear &= key not in EXTREMES and (not key.isdigit() or key == "0")
     is_symbol = bool(by_symbol) and not meanings & QUANTITY.keys()
     said = meanings | {by_symbol} if is_symbol else meanings
-    return Spoken(frozenset(said), is_clear, is_symbol)
+    return Spoken(frozenset(said), is_clear, is_symbol, is_extreme)
 
 
 def _key(words: Sequence[str]) -> str:

@@ -22,6 +22,7 @@ from ..record.raster import at_own_rates, counted_from, exact_grid, from_first_s
 from ..record.record import Finding, Record, Source
 from ..record.table import BLF, Table, no_signals, preamble_of, told_apart
 from .channel_map import ITS_WORDS, ONLY_CLOCK, MappedColumns, map_columns
+from .clock import unwrapped
 from .dates import CLOCK_OF_DAY as CLOCK
 from .dates import HEADER, HeaderDay, day_of, header_day, second_of_day
 from .measurement import Measurement
@@ -194,7 +195,10 @@ def read_record(
     conflict = resistance_conflict(table.constants, motor, where)
     start = day_of(mapped.start)
     headed = HeaderDay() if start else header_day(preamble_of(table.notes))
-    findings = (*table.findings, *missing, *mapped.findings, *differ, *conflict)
+    # cells of a column that no channel claims are no matter of the record
+    idle = {f"{where}, column {name}" for name in mapped.unused}
+    told = (replace(one, severity="note") if one.where in idle else one for one in table.findings)
+    findings = (*told, *missing, *mapped.findings, *differ, *conflict)
     return Record(
         name=test,
         channels=channels,
@@ -299,12 +303,14 @@ def _time(
             raise InputError(
                 "The time column holds no times.", where=where, remedy="Check [columns] time_s."
             )
+        measured, turned = unwrapped(measured, "h")
         time_s, origin_s, lost_times = from_first_sample(measured)
         moved = counted_from(origin_s) if is_from_first and origin_s != 0.0 else ""
         shifted = " ".join(filter(None, (moved, lost_times)))
         time_s, gridded = exact_grid(time_s)
         ignored = "The rate in [columns] is not used: the file has its own time."
-        notes = (shifted, gridded, ignored if mapped.rate_Hz is not None else "")
+        turned = turned and f"The times are of a day{turned}."
+        notes = (shifted, turned, gridded, ignored if mapped.rate_Hz is not None else "")
         lost = () if rows is None else (missing_rows(rows, None, time_s, where),)
         return time_s, origin_s, tuple(note for note in notes if note), lost
     rate = rate_Hz if rate_Hz is not None else mapped.rate_Hz

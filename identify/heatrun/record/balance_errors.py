@@ -54,6 +54,10 @@ LEAST_POWER = 0.2
 LARGEST_GAIN = 0.3
 """A scale that is off by more than this [1] is no transducer's: a unit or a column is wrong."""
 
+LEAST_APART = 1e-3
+"""Mean square of the power that current and speed leave, in parts of its own [1]: else they tell
+it."""
+
 OPPOSED = 0.9
 """Share of the loaded blocks [1] in which both powers flow in where one has the wrong sign."""
 
@@ -209,19 +213,27 @@ def _reversed_sign(record: Record, motor: Motor) -> Finding | None:
     time_s, *columns = samples(powers, "electrical", "shaft")
     if time_s.size < 2:
         return None
-    _, electrical, shaft = block_means(time_s, BLOCK_S, *columns)
+    means_s, electrical, shaft = block_means(time_s, BLOCK_S, *columns)
     loaded = np.abs(electrical) > LEAST_POWER * np.max(np.abs(electrical))
     loaded &= np.abs(shaft) > LEAST_POWER * np.abs(electrical)
-    if np.mean(loaded) < LEAST_SHARE or np.mean((electrical * shaft)[loaded] < 0.0) < OPPOSED:
+    opposed = loaded & (electrical * shaft < 0.0)
+    if np.mean(loaded) < LEAST_SHARE:
         return None
+    is_always = np.sum(opposed) >= OPPOSED * np.sum(loaded)
+    first, past = runs(opposed)
+    at = int(np.argmax(past - first)) if first.size else 0
+    if not is_always and (not first.size or past[at] - first[at] < LEAST_SHARE * np.sum(loaded)):
+        return None
+    whole = tuple(map(float, record.time_s[[0, -1]]))
+    from_s, to_s = whole if is_always else (float(means_s[first[at]]), float(means_s[past[at] - 1]))
     return Finding(
         "shaft_power_disagrees",
         "error",
         "Electrical and mechanical power both flow into the machine under load: torque, speed or "
         "electrical power has the wrong sign, and the losses are the sum of the two powers.",
-        place(record, "losses_W", *map(float, record.time_s[[0, -1]])),
+        place(record, "losses_W", from_s, to_s),
         "Export them so that power and torque times speed are positive where the machine drives.",
-        values={"shaft_power_gain": -2.0},
+        values={"shaft_power_gain": -2.0, "from_s": from_s, "to_s": to_s},
     )
 
 
@@ -287,6 +299,42 @@ def _by_direction(
         if is_apart and left < (1.0 - EXPLAINED) * _square(others, losses):
             error = float(weights[at])
             yield Told(name, error, float(spread[at]), math.nan, _words(name, error))
+
+
+def excess_of_shaft(record: Record, motor: Motor) -> float | None:
+    """Return the share of the mechanical power [1] that losses from a balance hold beside those of
+    the machine, where it is more than any transducer's error; None where it is not, or not told.
+
+    Losses of a machine go with the square of its current; what goes with the power itself is of
+    torque and electrical power on two scales.
+    """
+    shaft = recorded_shaft_power(record.channels) if motor.losses == "balance" else None
+    if shaft is None or any(one.channel == "losses_W" for one in record.mapping):
+        return None
+    channels = {**record.channels, "mechanical_power_W": np.abs(np.asarray(shaft, dtype=float))}
+    names = ("phase_current_A", "speed_rpm", "losses_W", "mechanical_power_W", "winding_degC")
+    time_s, current, speed, losses, power, winding = samples(
+        replace(record, channels=channels), *names
+    )
+    if time_s.size < 2:
+        return None
+    squared = current**2 * (motor.resistance_coefficient_degC + winding)
+    _, squared, speed, losses, power = block_means(
+        time_s, BLOCK_S, squared, np.abs(speed), losses, power
+    )
+    if speed.size < 2 * NUM_PARTS:
+        return None
+    known = np.stack([np.ones(speed.size), squared, speed, speed**2], axis=1)
+    columns = np.column_stack([known, power])
+    columns = columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
+    if _square(columns[:, :-1], columns[:, -1]) < LEAST_APART * speed.size:
+        return None
+    every, scale = np.arange(speed.size), max(float(np.sqrt(np.mean(power**2))), 1e-300)
+    parts = [np.setdiff1d(every, part) for part in np.array_split(every, NUM_PARTS)]
+    all_of_it, *without = (float(_weights(columns[r], losses[r])[-1]) / scale
+                           for r in (every, *parts))  # fmt: skip
+    spread = float(np.sqrt(NUM_PARTS - 1.0) * np.std(without))
+    return all_of_it if all_of_it - SIGMAS * spread > LARGEST_GAIN else None
 
 
 def _words(name: str, error: float) -> str:

@@ -58,6 +58,7 @@ CHANNELS: tuple[Channel, ...] = (
     Channel("dc_power_W", "power", "W", "Power from the DC link"),
     Channel("electrical_power_W", "power", "W", "Power into the motor's terminals"),
     Channel("mechanical_power_W", "power", "W", "Power at the shaft, positive as a motor"),
+    Channel("efficiency", "fraction", "1", "Power at the shaft over the power that goes in"),
     Channel("u_d_V", "voltage", "V", "d-axis voltage, amplitude-invariant"),
     Channel("u_q_V", "voltage", "V", "q-axis voltage, amplitude-invariant"),
     Channel("i_d_A", "dq current", "A", "d-axis current, amplitude-invariant"),

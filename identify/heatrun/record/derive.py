@@ -124,6 +124,7 @@ ELECTRICAL: tuple[Derivation, ...] = (
 SIDES: tuple[tuple[tuple[str, ...], str, Callable[[Channels], bool]], ...] = (
     (("mechanical_power_W",), " - mechanical_power_W", _always),
     (SHAFT, " - torque·omega", _always),
+    (("efficiency",), "·(1 - efficiency)", _always),
     (("speed_rpm",), " (no shaft power: speed_rpm is 0)", partial(_is_zero, name="speed_rpm")),
     (("torque_Nm",), " (no shaft power: torque_Nm is 0)", partial(_is_zero, name="torque_Nm")),
 )
@@ -136,8 +137,10 @@ def _balance(
     """Return the way to the losses as a power less that of the shaft."""
 
     def compute(channels: Channels, phases: int) -> np.ndarray:
-        shaft = shaft_power(channels) if needs == SHAFT else channels[needs[0]]
-        return power.compute(channels, phases) - shaft
+        goes_in = power.compute(channels, phases)
+        if needs == ("efficiency",):  # an analyser writes none where no power flows
+            return goes_in * (1.0 - np.nan_to_num(channels["efficiency"]))
+        return goes_in - (shaft_power(channels) if needs == SHAFT else channels[needs[0]])
 
     more = AMPLITUDE_INVARIANT if power.needs == DQ else ""
     more += WITH_INVERTER if power.channel == "dc_power_W" else ""

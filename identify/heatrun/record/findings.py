@@ -116,7 +116,10 @@ FINDINGS: dict[str, Kind] = {
     ),
     "losses_negative": Kind("The losses are negative."),
     "losses_of_dc_link": Kind("The losses hold those of the inverter."),
-    "losses_of_shaft": Kind("The losses are the input or the shaft power."),
+    "losses_of_shaft": Kind(
+        "The losses are the input or the shaft power.", "inputs",
+        "its losses may be the power that goes in, or the shaft's",
+    ),
     "load_spike": Kind("Samples of the load show no heat in the winding: a marker or a fault."),
     "load_late": Kind("The load is recorded later or earlier than the temperatures."),
     "load_stuck": Kind("A column of the load stands still: the value was held, not measured."),

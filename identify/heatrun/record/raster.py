@@ -188,7 +188,10 @@ def at_own_rates(
         where: The file, for messages.
         is_by_tag: Each channel has times of its own, near to those of the others.
     """
-    channels = _merged(channels)
+    channels = {
+        name: _without_repeats(values) if name.endswith("_degC") else values
+        for name, values in _merged(channels).items()
+    }
     time_s = channels["time_s"]
     held = {name: np.isfinite(values) for name, values in channels.items() if name != "time_s"}
     slow = {name for name in held if own_step(channels[name]) > 1}
@@ -219,6 +222,28 @@ def at_own_rates(
     return {name: values[kept] for name, values in filled.items()}, tuple(findings)
 
 
+def _without_repeats(values: np.ndarray) -> np.ndarray:
+    """Return a temperature without what a logger repeats of it until its next sample comes.
+
+    So it is where it changes after the same number of rows each time; a reading that stands still
+    because it is rounded does not.
+    """
+    comes = np.flatnonzero(np.diff(values) != 0.0) + 1
+    if comes.size < FEWEST_REPEATED or not np.isfinite(values).all():
+        return values
+    lasts = np.diff(comes)
+    step = int(np.median(lasts))
+    times = np.round(lasts / max(step, 1))
+    jitter = 1 if step >= FEWEST_REPEATED // 2 else 0
+    is_regular = np.all(np.abs(lasts - times * step) <= jitter) and np.mean(times == 1.0) > 0.5
+    if step < 3 or not is_regular:
+        return values
+    kept = np.full(values.size, np.nan)
+    kept[comes] = values[comes]
+    kept[0] = values[0]
+    return kept
+
+
 def _merged(channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return channels with one row for each time stamp, where no two rows of it fill one cell."""
     steps = np.diff(channels["time_s"])
@@ -242,6 +267,9 @@ def _joined(name: str, step_s: float, count: int, size: int, where: str) -> Find
         values={"step_s": step_s},
     )
 
+
+FEWEST_REPEATED = 20
+"""Samples of a reading that show that it is repeated in between."""
 
 FLOAT32_ULPS = 2.0
 """Clock and start time are each rounded by half an ulp; their difference carries both, and so

@@ -6,18 +6,21 @@ numbers. Lines above the header are kept as preamble. The rows of names and of u
 
 import itertools
 import re
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from ...errors import InputError
-from ...record.header import LONGEST_NAME, plain, read_heading
+from ...record.header import LONGEST_NAME, plain, read_heading, unit_of_cell
 from ...record.units import is_unit
 from ..labels import names_time, without_sure_unit
 from .remarks import (
+    CALLED,
     COMMENTS,
+    X_NAME,
     is_comment,
     is_remark,
     names_of_inputs,
@@ -103,6 +106,46 @@ def _names_time(row: Sequence[str]) -> bool:
     return any(names_time(cell) for cell in row if len(cell) <= LONGEST_NAME)
 
 
+def _told_apart(names: tuple[str, ...], above: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """Return names of which some stand over several columns, such as "Value", with what stands
+    above them; in place of them where they leave a column without a name that has one there.
+    """
+    again = {name for name, count in Counter(filter(None, names)).items() if count > 1}
+    for row in reversed(above):
+        cells = tuple((*row, *("",) * len(names))[: len(names)])
+        if not again or len(row) < 2 or is_rule(row) or units_of_row(row) is not None:
+            continue
+        is_better = any(cell and not name for cell, name in zip(cells, names, strict=True))
+        if is_better and "" not in cells and len(set(cells)) == len(cells) and is_text(row, "."):
+            return cells
+        told = [f"{cell} {name}".strip() if name in again else name
+                for cell, name in zip(cells, names, strict=True)]  # fmt: skip
+        if not is_better and len({*told}) == len(told):
+            return tuple(told)
+    return names
+
+
+class Keyed(NamedTuple):
+    """A header in which each line begins with what it says of the columns behind."""
+
+    names: int  # Index of the line of names.
+    units: Sequence[str]  # Cells of the line of units, without what it begins with.
+    start: int  # Index of the first line of data.
+
+
+def _keyed(rows: Sequence[list[str]], data: Sequence[int], width: int) -> Keyed | None:
+    """Return a header of such lines, above data that begin with an empty cell each."""
+    if any(rows[i][0] for i in data[-3:]):
+        return None
+    heads = {row[0].casefold(): i for i, row in enumerate(rows[: data[-1]]) if len(row) == width}
+    names = next((i for head, i in heads.items() if head in CALLED), None)
+    units = next((i for head, i in heads.items() if head in KEYED_UNITS), None)
+    if names is None or units is None:
+        return None
+    last = max((i for head, i in heads.items() if head and head not in KEYED_DATA), default=0)
+    return Keyed(names, rows[units][1:], next(i for i in data if i > last))
+
+
 def _speaks_of_units(row: Sequence[str]) -> bool:
     """Return whether a cell is a unit or names one."""
     return any(
@@ -147,6 +190,9 @@ GROUPED_WEIGHT = 0.9
 
 BLANK_WEIGHT = 0.8
 """Below 1, since blanks also split what tabs separate, and a preamble with it."""
+
+KEYED_UNITS, KEYED_DATA = ("unit", "units", "vunit"), ("trace_values",)
+"""What lines of units and of data begin with where each line of a header does."""
 
 SETTINGS_SHARE = 0.1
 """A block of fewer lines [1] than this share of the table, under other names, is of settings."""
@@ -229,7 +275,9 @@ def find_layout(
     if not data:
         raise _no_table(where)
     start, num_settings = _first_of_table(lines, rows, data, numeric, decimal)
-    header = header_above(lines, rows, start, numeric, decimal)
+    keyed = _keyed(rows, data, width)
+    start = start if keyed is None else keyed.start
+    header = header_above(lines, rows, start, numeric, decimal) if keyed is None else keyed.names
     if header is None and any(not is_value(cell, decimal) for cell in rows[start]):
         header = start  # numbers as names: "Time;1;2;3"
     if header is None:
@@ -238,10 +286,14 @@ def find_layout(
             where=where,
             remedy=f"Add a row of names and units above: time_s{delimiter}winding_degC and so on.",
         )
-    found, header = header, names_above(lines, rows, header, start, width)
-    units = units_above(lines, rows, header, decimal)
-    above, first = list(lines[:header]), header + 1
-    while first < len(rows):
+    if keyed is None:
+        found, header = header, names_above(lines, rows, header, start, width)
+        units = units_above(lines, rows, header, decimal)
+        above, first = list(lines[:header]), header + 1
+    else:
+        found, first, units = header, start, [[None, *(unit_of_cell(c) for c in keyed.units)]]
+        above = [lines[i] for i in range(start) if i != header]
+    while keyed is None and first < len(rows):
         row = units_of_row(rows[first], rows[header]) if is_text(rows[first], decimal) else None
         units += [row] if row else []
         is_said = is_comment(lines[first]) or (header < found and first < start)
@@ -255,6 +307,9 @@ def find_layout(
     )
     width += num_optional
     names = _names(lines[header], rows[header], delimiter, width, where)
+    if keyed is not None:
+        names = (X_NAME, *names[1:])
+    names = _told_apart(names, rows[max(0, header - 1 - MOST_ROWS_BELOW) : header])
     begins = set()
     for i, line in enumerate(lines[:first]):
         if i == header:
@@ -386,7 +441,7 @@ def _first_of_table(
     for run in runs:
         is_long = len(run) > SETTINGS_SHARE * len(block)
         for i in map(int, run):
-            if i > names[-1]:
+            if i > names[-1] and ("text" in held[0] or _kind(rows[i][0], decimal) != "text"):
                 return i, num_settings
             if i > names[0] and is_alike(rows[i]):
                 if is_long or over(i) == over(block[0]):

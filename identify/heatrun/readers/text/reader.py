@@ -32,6 +32,7 @@ from .lines import (
 )
 from .remarks import X_NAME, stated_raster, units_of_remarks
 from .values import MISSING, doubtful, read_values, signs_joined, unreadable_cells, unsettled_cells
+from .written_otherwise import from_json, units_over_columns
 
 Decimal = Literal[".", ","]
 
@@ -177,7 +178,14 @@ def read_text(
     text, encoding = decode(data, where)
     if kind := kind_of_frames(text[:HEAD_BYTES]):
         raise no_signals(kind, where)
-    text = signs_joined(text)
+    if text.lstrip().startswith("<"):
+        raise InputError(
+            "Expected a table of text, got HTML or XML.",
+            where=where,
+            remedy="Open it in a spreadsheet and save it as .xlsx or CSV; an HTML table also by "
+            "pandas: pd.read_html('FILE')[0].to_csv('table.csv', index=False).",
+        )
+    text = units_over_columns(signs_joined(from_json(text)))
     layout = find_layout(text, where, hints.decimal, delimiters)
     body = data_lines(text, layout, where)
     del text  # a gigabyte of it would be held while the cells are read

@@ -95,15 +95,18 @@ UNIT_LIST = re.compile(rf"(?:column\s+)?{UNIT_WORDS}\s*[:=;,\t| ]\s*(?P<rest>\S.
 Y_UNITS = "y_unit_label"
 """Begins the units of a LabVIEW measurement file, whose first column is the time."""
 
-X_NAME, X_KIND, X_START, X_STEP = "x_value", "x_dimension", "x0", "delta_x"
-"""Name of the time in such a file, and the lines that say what it counts and how it runs."""
+X_NAME, X_KIND = "x_value", "x_dimension"
+X_START, X_STEP = ("x0", "hoffset"), ("delta_x", "hresolution")
+"""Name of the time in such a file, and the lines that say what it counts and how it runs, as
+oscilloscopes write them, too."""
 
 COMMENTS = frozenset(("comment", "comments", "remark", "remarks", "kommentar", "bemerkung"))
 """Names of a column of remarks, in lower case, which lines of data may leave out."""
 
 CALLED = COMMENTS | frozenset(
     ("signal name", "signal", "signalname", "name", "names", "channel name", "kanalname", "label",
-     "labels", "tag", "tag name", "description", "bezeichnung", "beschreibung", "nome", "nom")
+     "labels", "tag", "tag name", "tracename", "path",
+     "description", "bezeichnung", "beschreibung", "nome", "nom")
 )  # fmt: skip
 """Heads, in lower case, under which a logger's table of channels holds what it calls each."""
 
@@ -223,15 +226,15 @@ def _by_property(rows: Sequence[Sequence[str]], inputs: Container[str]) -> list[
 
 
 def stated_raster(lines: Sequence[str]) -> tuple[float, float] | None:
-    """Return start and step of the time [s] where LabVIEW states them in place of a column."""
+    """Return start and step of the time [s] where a header states them in place of a column."""
     found = {}
     for line in lines:
         head, *cells = line.split("\t") if "\t" in line else PIECE.split(line)
-        key = head.strip().casefold()
+        key = head.strip(' "').casefold()
         numbers = {cell.strip() for cell in cells if NUMBER.fullmatch(cell.strip())}
-        if key in (X_START, X_STEP) and len(numbers) == 1:
-            found[key] = float(numbers.pop().replace(",", "."))
-    return (found.get(X_START, 0.0), found[X_STEP]) if found.get(X_STEP, 0.0) > 0.0 else None
+        if key in X_START + X_STEP and len(numbers) == 1:
+            found[key in X_STEP] = float(numbers.pop().replace(",", "."))
+    return (found.get(False, 0.0), found[True]) if found.get(True, 0.0) > 0.0 else None
 
 
 def _of_channels(found: list[list[Stated]], names: Sequence[str]) -> list[list[Stated]]:
