@@ -27,7 +27,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
-from scipy.fft import irfft, next_fast_len, rfft
+from scipy.fft import next_fast_len
 from scipy.linalg import expm
 
 from lptn import Network
@@ -241,7 +241,7 @@ def block_responses(
     course = np.stack([heat[:-1], np.diff(heat, axis=0) / block_s])  # and slope, over each block
     num = course.shape[1]
     length = next_fast_len(2 * num, real=True)
-    spectrum = np.asarray(rfft(course, length, axis=1))
+    spectrum = np.fft.rfft(course, length, axis=1)
     result = {}
     for node in heated:
         driven = A.copy()
@@ -252,8 +252,8 @@ def block_responses(
             states, ahead = np.concatenate([states, ahead @ states]), ahead @ ahead
         later = step[size:last, :size] @ states[: num - 1]
         kernel = np.concatenate([step[None, size:last, last:], later]) / block_s
-        means = np.einsum("fmk,kfc->mfc", rfft(kernel, length, axis=0), spectrum)
-        rows = np.asarray(irfft(means, length, axis=1))[:, :num]
+        means = np.einsum("fmk,kfc->mfc", np.fft.rfft(kernel, length, axis=0), spectrum)
+        rows = np.fft.irfft(means, length, axis=1)[:, :num]
         result[node] = rows.reshape(-1, heat.shape[1])
     return result
 
