@@ -33,7 +33,6 @@ from ..model.problem import NUM_NOISE, Data, Problem, Structure, whitened
 from ..record.record import Finding
 from .fit_result import RESULT, Fit, failed
 from .restricted import (
-    Spread,
     estimate_loggers,
     estimate_noise,
     polished_noise,
@@ -331,7 +330,6 @@ def finished(
     *,
     is_converged: bool,
     stats: Mapping[str, float],
-    known: tuple[Sequence[Float[np.ndarray, " reading"]], Spread] | None = None,
 ) -> Fit:
     """Return a fit with its spread and what is to be said of it.
 
@@ -344,13 +342,10 @@ def finished(
         modes: As `Fit.modes`.
         is_converged: Whether noise and parameters have settled.
         stats: As `Fit.stats`.
-        known: Whitened residuals of each sensor of each test, and the spread; found here if None.
     """
-    white, width = known or (
-        whiten_fit(problem, noise_z, residual, jacobian).residuals,
-        spread(problem, z, noise_z, residual, jacobian),
-    )
-    excess, is_flagged = low_frequency_excess(white, _lengths(problem))
+    white = whiten_fit(problem, noise_z, residual, jacobian)
+    width = spread(problem, z, noise_z, residual, jacobian, white)
+    excess, is_flagged = low_frequency_excess(white.residuals, _lengths(problem))
     rmse = problem.rmse_K(residual)
     findings = misfit_findings(problem, noise_z, rmse, excess, is_flagged)
     if not is_converged:

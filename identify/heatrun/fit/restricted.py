@@ -22,7 +22,7 @@ from scipy.optimize import minimize
 
 from ..io.programs import compiled
 from ..model import noise as noise_module
-from ..model.noise import LARGEST, LARGEST_SCORES, NOISE
+from ..model.noise import LARGEST, LARGEST_SCORES, NOISE, eliminated
 from ..model.problem import NUM_NOISE, Problem
 from ..record.blocks import Logger
 from ..record.observation import Observation
@@ -68,7 +68,7 @@ def restricted_log_likelihood(
     Reference: H. D. Patterson, R. Thompson, Recovery of inter-block information when block sizes
         are unequal, Biometrika 58 (1971) 545-554.
     """
-    return jnp.asarray(conditional(tests, noise_z, z, residual, jacobian).log_density)
+    return marginal(*inner_products(tests, noise_z, residual, jacobian), noise_z, z)
 
 
 class Conditional(NamedTuple):
@@ -107,6 +107,20 @@ def inner_products(
     return products, log_sd
 
 
+def marginal(
+    products: Float[Array, "product product"],
+    log_sd: Float[Array, ""],
+    noise_z: Float[Array, " noise"],
+    z: Float[Array, " parameter"],
+) -> Float[Array, ""]:
+    """Return `restricted_log_likelihood` from what `inner_products` returns."""
+    corner = jnp.sum(z**2)[None]  # the prior pulls from z to zero
+    pulled = products + jnp.diag(jnp.concatenate([corner, jnp.zeros(z.size)]))
+    pulled = pulled.at[0, 1:].add(z).at[1:, 0].add(z)
+    rest, log_det = eliminated(jnp.roll(pulled, (-1, -1), (0, 1)), z.size)
+    return -0.5 * rest[0, 0] - log_sd - log_det - 0.5 * jnp.sum(noise_z**2)
+
+
 def conditional(
     tests: Sequence[Observation],
     noise_z: Float[Array, " noise"],
@@ -120,11 +134,8 @@ def conditional(
     gradient = products[1:, 0] + z  # of half the sum of squares, prior included
     factor = jnp.linalg.cholesky(precision)
     half = jax.scipy.linalg.solve_triangular(factor, gradient, lower=True)
-    squares = products[0, 0] + jnp.sum(z**2) - jnp.sum(half**2)
-    log_det = jnp.sum(jnp.log(jnp.diag(factor)))
-    log_density = -0.5 * squares - log_sd - log_det - 0.5 * jnp.sum(noise_z**2)
     step = jax.scipy.linalg.solve_triangular(factor.T, half, lower=False)
-    return Conditional(log_density, z - step, factor)
+    return Conditional(marginal(products, log_sd, noise_z, z), z - step, factor)
 
 
 def estimate_noise(
@@ -322,83 +333,6 @@ def noise_precision(
     return np.stack(rows)
 
 
-class Spread(NamedTuple):
-    """How wide the posterior is around a fit."""
-
-    # Of the scores of parameters and noise, shape (all, all).
-    covariance: Float[np.ndarray, "all all"]
-    # What the scatter of the readings contributes to that of the parameters, shape (parameter,
-    # parameter); the rest comes from priors (type B).
-    type_a: Float[np.ndarray, "parameter parameter"]
-    log_evidence: float  # Marginal likelihood [nat].
-
-
-def spread(
-    problem: Problem, z: np.ndarray, noise_z: np.ndarray, residual: np.ndarray, jacobian: np.ndarray
-) -> Spread:
-    """Return the spread around a fit.
-
-    Args:
-        problem: Model and tests.
-        z: Scores of the parameters at the fit.
-        noise_z: Scores of the noise.
-        residual: Residuals of all tests in a row [K].
-        jacobian: Their derivative [K per score].
-
-    The best estimate moves with the readings and with the centres of the priors. With J the
-    whitened derivative and P the precision J'J + 1, the first contribute inv(P) J'J inv(P) to the
-    covariance inv(P), the second inv(P) inv(P): an uncertainty that the tests did not lessen is
-    type B, whatever it belongs to.
-
-    References: D. J. C. MacKay, Information Theory, Inference, and Learning Algorithms, chapter
-        27. JCGM 100:2008 (GUM), 4.2 and 4.3.
-    """
-    white = whiten_fit(problem, noise_z, residual, jacobian)
-    columns = white.jacobian
-    precision = columns.T @ columns + np.eye(problem.num_parameters)
-    curvature = noise_precision(problem, noise_z, z, residual, jacobian)
-    values = np.concatenate(white.residuals)
-    return laplace(
-        z, noise_z, np.linalg.inv(precision), curvature, float(values @ values),
-        white.half_log_det, values.size,
-    )  # fmt: skip
-
-
-def laplace(
-    z: np.ndarray,
-    noise_z: np.ndarray,
-    covariance: Float[np.ndarray, "parameter parameter"],
-    curvature: Float[np.ndarray, "noise noise"],
-    squares: float,
-    half_log_det: float,
-    num_read: int,
-) -> Spread:
-    """Return the spread around a fit from what its residuals say.
-
-    Args:
-        z: Scores of the parameters.
-        noise_z: Scores of the noise.
-        covariance: Of the scores of the parameters, given the noise.
-        curvature: From `restricted.noise_precision`.
-        squares: Sum of the squared whitened residuals [1].
-        half_log_det: Half the log determinant of the covariance of noise and heat.
-        num_read: Blocks with a reading.
-    """
-    # what comes of the readings, and what of the priors: the two add up to the covariance
-    type_a = covariance - covariance @ covariance
-
-    size = z.size + NUM_NOISE
-    full = np.zeros((size, size))
-    full[: z.size, : z.size] = covariance
-    full[z.size :, z.size :] = _positive_inverse(curvature)
-    density = -0.5 * squares - half_log_det - 0.5 * num_read * float(np.log(2 * np.pi))
-    vector = np.concatenate([z, noise_z])
-    prior = -0.5 * float(vector @ vector) - 0.5 * vector.size * float(np.log(2 * np.pi))
-    log_det = float(np.linalg.slogdet(full)[1])
-    evidence = density + prior + 0.5 * log_det + 0.5 * size * float(np.log(2 * np.pi))
-    return Spread(full, type_a, evidence)
-
-
 class Whitened(NamedTuple):
     """Residuals and their derivative, freed of the noise's correlation."""
 
@@ -430,6 +364,63 @@ def whiten_fit(
     ]
     joined = np.concatenate(rows)
     return Whitened(residuals, joined[:, 0], joined[:, 1:], half_log_det)
+
+
+class Spread(NamedTuple):
+    """How wide the posterior is around a fit."""
+
+    # Of the scores of parameters and noise, shape (all, all).
+    covariance: Float[np.ndarray, "all all"]
+    # What the scatter of the readings contributes to that of the parameters, shape (parameter,
+    # parameter); the rest comes from priors (type B).
+    type_a: Float[np.ndarray, "parameter parameter"]
+    log_evidence: float  # Marginal likelihood [nat].
+
+
+def spread(
+    problem: Problem,
+    z: np.ndarray,
+    noise_z: np.ndarray,
+    residual: np.ndarray,
+    jacobian: np.ndarray,
+    white: Whitened,
+) -> Spread:
+    """Return the spread around a fit.
+
+    Args:
+        problem: Model and tests.
+        z: Scores of the parameters at the fit.
+        noise_z: Scores of the noise.
+        residual: Residuals of all tests in a row [K].
+        jacobian: Their derivative [K per score].
+        white: Both whitened.
+
+    The best estimate moves with the readings and with the centres of the priors. With J the
+    whitened derivative and P the precision J'J + 1, the first contribute inv(P) J'J inv(P) to the
+    covariance inv(P), the second inv(P) inv(P): an uncertainty that the tests did not lessen is
+    type B, whatever it belongs to.
+
+    References: D. J. C. MacKay, Information Theory, Inference, and Learning Algorithms, chapter
+        27. JCGM 100:2008 (GUM), 4.2 and 4.3.
+    """
+    columns = white.jacobian
+    covariance = np.linalg.inv(columns.T @ columns + np.eye(problem.num_parameters))
+    # what comes of the readings, and what of the priors: the two add up to the covariance
+    type_a = covariance - covariance @ covariance
+
+    size = z.size + NUM_NOISE
+    full = np.zeros((size, size))
+    full[: z.size, : z.size] = covariance
+    curvature = noise_precision(problem, noise_z, z, residual, jacobian)
+    full[z.size :, z.size :] = _positive_inverse(curvature)
+    values = np.concatenate(white.residuals)
+    density = -0.5 * float(values @ values) - white.half_log_det
+    density -= 0.5 * values.size * float(np.log(2 * np.pi))
+    vector = np.concatenate([z, noise_z])
+    prior = -0.5 * float(vector @ vector) - 0.5 * vector.size * float(np.log(2 * np.pi))
+    log_det = float(np.linalg.slogdet(full)[1])
+    evidence = density + prior + 0.5 * log_det + 0.5 * size * float(np.log(2 * np.pi))
+    return Spread(full, type_a, evidence)
 
 
 def _positive_inverse(matrix: np.ndarray) -> np.ndarray:

@@ -27,6 +27,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
+from scipy.fft import next_fast_len
 from scipy.linalg import expm
 
 from lptn import Network
@@ -236,20 +237,24 @@ def block_responses(
     for number, node in enumerate(measured):
         A[size + number, nodes.index(node)] = 1.0
     A[last, last + 1] = 1.0
+    # one block after the other takes as long as a fit: the response to each is the same, later
+    course = np.stack([heat[:-1], np.diff(heat, axis=0) / block_s])  # and slope, over each block
+    num = course.shape[1]
+    length = next_fast_len(2 * num, real=True)
+    spectrum = np.fft.rfft(course, length, axis=1)
     result = {}
-    slope = np.diff(heat, axis=0) / block_s
     for node in heated:
-        place = nodes.index(node)
         driven = A.copy()
-        driven[place, last] = 1.0 / capacity[place]
+        driven[nodes.index(node), last] = 1.0 / capacity[nodes.index(node)]
         step = expm(driven * block_s)
-        state = np.zeros((size, heat.shape[1]))
-        means = np.zeros((len(measured), heat.shape[0] - 1, heat.shape[1]))
-        for index, rise in enumerate(slope):
-            push = step[:last, last:] @ np.stack([heat[index], rise])
-            after = step[:last, :size] @ state + push
-            means[:, index], state = after[size:] / block_s, after[:size]
-        result[node] = means.reshape(-1, heat.shape[1])
+        ahead, states = step[:size, :size], step[None, :size, last:]
+        while states.shape[0] < num:  # after one block, two, four, ...
+            states, ahead = np.concatenate([states, ahead @ states]), ahead @ ahead
+        later = step[size:last, :size] @ states[: num - 1]
+        kernel = np.concatenate([step[None, size:last, last:], later]) / block_s
+        means = np.einsum("fmk,kfc->mfc", np.fft.rfft(kernel, length, axis=0), spectrum)
+        rows = np.fft.irfft(means, length, axis=1)[:, :num]
+        result[node] = rows.reshape(-1, heat.shape[1])
     return result
 
 

@@ -267,7 +267,7 @@ def gram(
     """
     own = _columns(noise, blocks)
     rows, half_log_det = _filter(jnp.concatenate([own, columns], axis=1), noise, blocks)
-    rest, more = _eliminated(rows.T @ rows, own.shape[1])
+    rest, more = eliminated(rows.T @ rows, own.shape[1])
     return rest, half_log_det + more
 
 
@@ -281,7 +281,7 @@ def log_density(
     return -0.5 * squares[0, 0] - half_log_det - 0.5 * count * math.log(2 * math.pi)
 
 
-def _eliminated(
+def eliminated(
     products: Float[Array, "column column"], num: int
 ) -> tuple[Float[Array, "other other"], Float[Array, ""]]:
     """Return O'O - O'W inv(1 + W'W) W'O, and half the log determinant of 1 + W'W.

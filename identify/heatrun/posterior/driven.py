@@ -50,13 +50,15 @@ ABSURD = 1e9
 """No reading and no error over its noise is larger [K or 1]: the march has left the numbers."""
 
 
-def too_stiff(model: Model, values: Mapping[str, Any], step_s: float) -> Bool[np.ndarray, " draw"]:
+def too_stiff(
+    model: Model, values: Mapping[str, Any], step_s: float | Float[np.ndarray, " draw"]
+) -> Bool[np.ndarray, " draw"]:
     """Return which draws have a node that is too fast for a step.
 
     Args:
         model: The network.
         values: Its parameters and their changes by name, shape (draw,); others are left aside.
-        step_s: Length of the step [s].
+        step_s: Length of the step [s], of all draws or of each.
     """
     names = [parameter.name for parameter in model.form.parameters]
     names += [change for name in names if (change := change_name(name)) in values]

@@ -44,17 +44,18 @@ class Observation(eqx.Module):
         """Number of sensors, the winding's included."""
         return 1 + len(self.fitted)
 
-    def padded(self, *, is_seldom: bool = False) -> Observation:
+    def padded(self, fewest: int = 0, *, is_seldom: bool = False) -> Observation:
         """Return it with blocks without readings up to the next `length_class`.
 
         The inputs are held there, so that an early reading sees past the end of the last block;
         columns of `moments` are filled up likewise, with zeros, which do nothing.
 
         Args:
+            fewest: Blocks that there are to be at least.
             is_seldom: As `length_class`.
         """
         num, per_block = self.weight.shape[0] // self.num_sensors, self.weight.shape[1]
-        whole = length_class(num, is_seldom=is_seldom)
+        whole = length_class(max(num, fewest), is_seldom=is_seldom)
         inputs = self.inputs
         held = {
             name: np.pad(np.asarray(values), (0, (whole - num) * per_block), mode="edge")

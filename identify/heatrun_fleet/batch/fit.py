@@ -12,12 +12,12 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Bool, Float
 
 from heatrun.fit.fit import (
     DISTINCT,
@@ -32,19 +32,20 @@ from heatrun.fit.fit import (
     start_scores,
 )
 from heatrun.fit.fit_result import Fit
-from heatrun.fit.restricted import laplace
-from heatrun.io.programs import compiled, refuse_wrong_sums
-from heatrun.model.discrepancy import num_knots
+from heatrun.io.programs import refuse_wrong_sums
 from heatrun.model.noise import Noise, from_scores
 from heatrun.model.parameters import Parameter
 from heatrun.model.problem import Problem, Structure
-from heatrun.posterior.driven import STABLE
+from heatrun.posterior.driven import too_stiff
 from heatrun.record.blocks import Blocks
+from heatrun.record.observation import Observation
+from lptn.inputs import SIGNALS
 
-from .march import Group, Machines
-from .residuals import most_knots
-from .search import Optima, begun, continued, linearise, on_host, optima_from_starts
-from .settle import Settled, final, settle
+from .march import Group, Machines, sink_means
+from .search import Optima, begun, continued, on_host, optima_from_starts
+from .settle import settle
+
+Tree = TypeVar("Tree")
 
 BUCKETS = (96, 128, 192, 256, 384, 512, 768, 1024, 1536, 2048, 3072, 4096)
 """Lengths [blocks] that tests are padded to: at most a third is padding from 128 on. The longest
@@ -89,8 +90,6 @@ def why_not(problem: Problem) -> str:
         return "the steps of a test are unequal"
     if any(test.num_blocks > BUCKETS[-1] for test in problem.tests):
         return f"a test has more than {BUCKETS[-1]} blocks"
-    if any(num_knots(t.duration_s) > most_knots(bucket(t.num_blocks)) for t in problem.tests):
-        return "its blocks are long"
     if not names:
         return "nothing is to be estimated"
     if len({(frozenset(own), _fixed(own)) for own in problem.parameters.by_test}) > 1:
@@ -147,82 +146,26 @@ def bucket(num_blocks: int) -> int:
 
 def pack(key: Key, problems: Sequence[Problem]) -> Machines:
     """Return the numbers of problems of one key, a lane for each."""
-    slots = [problem.parameters.slots for problem in problems]
-    return Machines(
-        centre=jnp.asarray([[s.parameter.centre for s in each] for each in slots]).T,
-        sd=jnp.asarray([[s.parameter.sd for s in each] for each in slots]).T,
-        groups=tuple(_pack_group(key, problems, *group) for group in key.groups),
-    )
+    groups = []
+    for size, _, indices in key.groups:
+        tests = [_rows(key, problem.tests[i], size) for i in indices for problem in problems]
+        most = max(test.moments.shape[1] for test in tests)
+        rows = _lanes([
+            replace(t, moments=np.pad(t.moments, ((0, 0), (0, most - t.moments.shape[1]))))
+            for t in tests
+        ])  # fmt: skip
+        groups.append(Group(indices, rows, sink_means(rows)))
+    return Machines(_lanes([problem.parameters.priors() for problem in problems]), tuple(groups))
 
 
-def _pack_group(
-    key: Key, problems: Sequence[Problem], size: int, steps: int, indices: tuple[int, ...]
-) -> Group:
-    tests = [problem.tests[index] for index in indices for problem in problems]
-
-    def lanes(rows: Sequence[np.ndarray]) -> jnp.ndarray:
-        joined = np.zeros((len(rows), size, *np.shape(rows[0])[1:]), dtype=rows[0].dtype)
-        for lane, each in enumerate(rows):
-            joined[lane, : each.shape[0]] = each
-        return _lanes_last(joined)
-
-    def of_steps(name: str) -> jnp.ndarray:
-        return lanes([np.asarray(getattr(t.inputs, name)).reshape(-1, steps) for t in tests])
-
-    def numbers(values: Sequence[float]) -> jnp.ndarray:
-        return jnp.asarray(np.array(values, dtype=float))
-
-    channels = {name: of_steps(name) if name in key.channels else None for name in CHANNELS}
-    most_moments = max(test.moments.shape[1] for test in tests)
-    fixed = {
-        name: numbers([
-            p.parameters.by_test[index][name].fixed or 0.0 for index in indices for p in problems
-        ])
-        for name in key.fixed
-    }  # fmt: skip
-    return Group(
-        tests=indices,
-        step=numbers([float(test.inputs.step) for test in tests]),
-        current_squared=of_steps("current_squared"),
-        losses=of_steps("losses"),
-        ambient=of_steps("ambient"),
-        weight=lanes([test.weight for test in tests]),
-        position=lanes([test.position for test in tests]),
-        sensed_ambient=lanes([sensed_ambient(test) for test in tests]),
-        measured=lanes([np.nan_to_num(test.measured) for test in tests]),
-        is_observed=lanes([test.is_observed for test in tests]),
-        count=lanes([np.asarray(test.count, dtype=float) for test in tests]),
-        known_variance=lanes([test.known_variance for test in tests]),
-        moments=lanes([
-            np.pad(m, ((0, 0), (0, most_moments - m.shape[1]))) for m in (t.moments for t in tests)
-        ]),
-        block_s=numbers([test.block_s for test in tests]),
-        num_blocks=numbers([test.num_blocks for test in tests]),
-        num_knots=numbers([num_knots(test.duration_s) for test in tests]),
-        mean_losses=numbers([float(np.mean(np.asarray(t.inputs.losses))) for t in tests]),
-        mean_current_squared=numbers([
-            float(np.mean(np.asarray(t.inputs.current_squared))) for t in tests
-        ]),
-        fixed=fixed,
-        **channels,
-    )  # fmt: skip
+def _rows(key: Key, test: Blocks, size: int) -> Observation:
+    """Return a test of a padded length, with those inputs that enter."""
+    unused = {name: None for name in SIGNALS[3:] if name not in key.channels}
+    return replace(test.observation(), inputs=replace(test.inputs, **unused)).padded(size)
 
 
-@compiled()
-def _lanes_last(rows: Array) -> Array:
-    return jnp.moveaxis(rows, 0, -1)
-
-
-def sensed_ambient(test: Blocks) -> np.ndarray:
-    """Return the mean of the sink over the samples of each block [degC], shape (block,).
-
-    It runs straight between the edges of the steps, where it is the mean of its neighbours.
-    """
-    values = np.asarray(test.inputs.ambient)
-    inner = 0.5 * (values[1:] + values[:-1])
-    edges = np.concatenate([values[:1], inner, values[-1:]])
-    before, after = edges[:-1].reshape(test.weight.shape), edges[1:].reshape(test.weight.shape)
-    return np.sum(test.weight * (before + test.position * (after - before)), axis=1)
+def _lanes(trees: Sequence[Tree]) -> Tree:
+    return jax.tree.map(lambda *leaves: jnp.asarray(np.stack(leaves, axis=-1)), *trees)
 
 
 WIDTH = 32
@@ -302,8 +245,8 @@ def _fits(
             z[:, lane] = own.z[0]
     z[:, ~is_wanted] = z[:, num - 1, None]
 
-    by_group = linearise(key.structure, machines, jnp.asarray(z))
-    rough = _rows(key, problems, [means.residual for means in by_group])
+    rough = {lane: problems[lane].linearised(own.z[0])[0]
+             for lane, own in enumerate(optima) if own is not None}  # fmt: skip
     results: dict[int, Found | float] = {}
     for lane, (problem, own) in enumerate(zip(problems, optima, strict=False)):
         if own is None:
@@ -315,50 +258,49 @@ def _fits(
     if len(results) == num:
         return [results[lane] for lane in range(num)]
 
-    settled = settle(key.structure, machines, jnp.asarray(z))
+    settled, machines, heated = settle(key.structure, machines, jnp.asarray(z), problems)
     state: Any = on_host(settled)  # from here on of NumPy arrays
-    said: Any = on_host(final(key.structure, machines, settled))
     open_ones = {
         lane: own for lane, own in enumerate(optima) if own is not None and lane not in results
     }
-    rivals = _rivals(key, machines, settled, open_ones)
-    residual = _rows(key, problems, [means.residual for means in said.means])
-    jacobian = _rows(key, problems, [means.jacobian for means in said.means])
-    heat = _rows(key, problems, state.heat)
-    white = _rows(key, problems, said.innovations)
+    rivals = _rivals(key, machines, state, open_ones)
+    is_stiff = _too_stiff(key.structure, machines, state.z)
     for lane, own in open_ones.items():
-        problem = problems[lane]
-        if reason := rivals.get(lane) or _doubt(problem, state, said, lane):
+        problem = heated[lane]
+        if reason := rivals.get(lane) or _doubt(problem, state, lane, is_stiff):
             results[lane] = NotBatched(reason)
             continue
-        problem = replace(problem, heat=tuple(problem.split(heat[lane])), loggers={})
-        results[lane] = _finished(
-            problem, state, said, lane, own, residual[lane], jacobian[lane], white[lane],
-            problem.rmse_K(rough[lane]),
+        at, noise_z = (np.array(each[:, lane]) for each in (state.z, state.noise_z))
+        is_same = own.cost - own.cost[0] < SAME_OPTIMUM * max(1.0, 1e-3 * own.cost[0])
+        found = finished(
+            problem, at, noise_z, *problem.linearised(at), at[None],
+            is_converged=True,
+            stats={
+                "num_starts": NUM_STARTS,
+                "num_at_best": int(np.sum(own.num_starts[is_same])),
+                "num_steps": own.num_steps,
+                "rmse_white_K": problem.rmse_K(rough[lane]),
+            },
         )  # fmt: skip
+        is_sound = np.isfinite(found.log_evidence) and np.all(np.isfinite(found.covariance))
+        results[lane] = found if is_sound else NotBatched("the fit is not finite")
     return [results[lane] for lane in range(num)]
 
 
-def _rows(key: Key, problems: Sequence[Problem], by_group: Sequence[jax.Array]) -> list[np.ndarray]:
-    """Return the rows of all tests in a row, of each machine."""
-    parts: list[dict[int, np.ndarray]] = [{} for _ in problems]
-    for (_, _, tests), rows in zip(key.groups, by_group, strict=True):
-        of_tests = np.split(np.moveaxis(np.asarray(rows), -1, 0), len(tests))
-        for test, own in zip(tests, of_tests, strict=True):
-            for lane, problem in enumerate(problems):
-                parts[lane][test] = own[lane, : problem.tests[test].num_blocks]
-    return [np.concatenate([own[test] for test in sorted(own)]) for own in parts]
+def _too_stiff(
+    structure: Structure, machines: Machines, z: Float[np.ndarray, "parameter machine"]
+) -> Bool[np.ndarray, " machine"]:
+    """Return which machines have a node that is too fast for the steps of their tests."""
+    steps = [jnp.stack(group.by_test(group.rows.inputs.step)) for group in machines.groups]
+    values = on_host(machines.priors).values(structure.form, z, 0)
+    return too_stiff(structure.model, values, np.max([np.max(x, axis=0) for x in steps], axis=0))
 
 
-def _doubt(problem: Problem, state: Any, said: Any, lane: int) -> str:
+def _doubt(problem: Problem, state: Any, lane: int, is_stiff: np.ndarray) -> str:
     """Return why the batch's fit of a machine is not to be trusted; empty where it is."""
-    numbers = (
-        state.z[:, lane], state.noise_z[:, lane], said.restricted.value[lane],
-        said.restricted.covariance[..., lane], said.noise_precision[..., lane],
-    )  # fmt: skip
-    if not all(np.all(np.isfinite(each)) for each in numbers):
+    if not all(np.all(np.isfinite(each[:, lane])) for each in (state.z, state.noise_z)):
         return "the fit is not finite"
-    if said.stiffness[lane] > STABLE:
+    if is_stiff[lane]:
         return "the fastest node is too fast for the steps"
     if not state.has_ended[lane]:
         return "the search did not converge"
@@ -366,20 +308,20 @@ def _doubt(problem: Problem, state: Any, said: Any, lane: int) -> str:
         return "two noises are equally probable"
     if state.shift[lane] >= SETTLED:
         return "noise and parameters did not settle"
-    step = min(float(np.min(test.inputs.step)) for test in problem.tests)
     for score, slot in zip(state.z[:, lane], problem.parameters.slots, strict=True):
         if slot.parameter.name == "load_timing":
             late_s = abs(float(slot.parameter.value(score)))
+            step = min(float(test.inputs.step) for test in problem.tests)
             if late_s > step:
                 return f"a reading is {late_s:.2g} s late, its steps are of {step:.2g} s"
     return ""
 
 
 def _rivals(
-    key: Key, machines: Machines, state: Settled, optima: Mapping[int, Optima]
+    key: Key, machines: Machines, state: Any, optima: Mapping[int, Optima]
 ) -> dict[int, str]:
     """Return the machines for which another optimum is as good under the final noise, and why."""
-    z, cost = np.asarray(state.z), np.asarray(state.cost)
+    z, cost = state.z, state.cost
     places, starts = [], []
     for lane, own in optima.items():
         others = distinct([z[:, lane], *own.z])[1:]
@@ -389,9 +331,7 @@ def _rivals(
         return {}
     begin = on_host(begun(jnp.asarray(np.stack(starts, axis=-1))))
     noise = from_scores(state.noise_z)
-    found, stands_for = continued(
-        key.structure, machines, begin, np.array(places), noise, state.heat
-    )
+    found, stands_for = continued(key.structure, machines, begin, np.array(places), noise)
     reasons = {}
     for index, lane in enumerate(places):
         if stands_for[index] != index:
@@ -403,31 +343,3 @@ def _rivals(
         elif is_far and own < cost[lane] + RIVAL:
             reasons.setdefault(lane, "several optima")
     return reasons
-
-
-def _finished(
-    problem: Problem, state: Any, said: Any, lane: int, optima: Optima, residual: np.ndarray,
-    jacobian: np.ndarray, innovations: np.ndarray, rmse_white_K: float,
-) -> Fit:  # fmt: skip
-    """Return the fit of one machine of a batch, with its own unmodelled heat in the problem."""
-    z, noise_z = (np.array(each[:, lane]) for each in (state.z, state.noise_z))
-    found = said.restricted
-    width = laplace(
-        z, noise_z, found.covariance[..., lane], said.noise_precision[..., lane],
-        float(found.squares[lane]), float(found.half_log_det[lane]),
-        int(np.sum(problem.is_observed)),
-    )  # fmt: skip
-    white = [
-        rows[test.is_observed]
-        for rows, test in zip(problem.split(innovations), problem.tests, strict=True)
-    ]
-    is_same = optima.cost - optima.cost[0] < SAME_OPTIMUM * max(1.0, 1e-3 * optima.cost[0])
-    return finished(
-        problem, z, noise_z, residual, jacobian, z[None], is_converged=True, known=(white, width),
-        stats={
-            "num_starts": NUM_STARTS,
-            "num_at_best": int(np.sum(optima.num_starts[is_same])),
-            "num_steps": optima.num_steps,
-            "rmse_white_K": rmse_white_K,
-        },
-    )  # fmt: skip

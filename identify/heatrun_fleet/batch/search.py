@@ -14,6 +14,7 @@ import math
 from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,20 +23,13 @@ from jaxtyping import Array, Bool, Float, Int
 from heatrun.fit.fit import HOPELESS, MAX_STEPS
 from heatrun.io.programs import compiled
 from heatrun.model.noise import Noise
-from heatrun.model.problem import WORST_RESIDUAL, Structure
+from heatrun.model.problem import Structure
+from heatrun.record.observation import Observation
+from lptn.inputs import SIGNALS
+from lptn.stepping import eliminate
 
-from .march import Group, Machines
-from .residuals import (
-    Means,
-    filtered,
-    identity,
-    products,
-    residuals_of_group,
-    scaled_heat,
-    solve,
-    weighted,
-    without_columns,
-)
+from .march import Machines
+from .residuals import Means, each, inner_products, residuals_of_group
 
 TOLERANCE = 1e-9
 """Largest step of a search that has ended, in prior standard deviations."""
@@ -63,8 +57,6 @@ SHORT = 1e-4
 ROUNDING = 1e-10
 """Change of the cost that may be rounding alone, relative [1]."""
 
-Heat = tuple[Float[Array, "block column lane"], ...]
-
 
 class Normal(NamedTuple):
     """Half the sum of squares at some scores, the prior included, its gradient and its Gauss-Newton
@@ -91,57 +83,36 @@ def linearise(
     structure: Structure, machines: Machines, z: Float[Array, "parameter machine"]
 ) -> list[Means]:
     """Return residuals [K] and Jacobian of each group of tests."""
-    return [
-        residuals_of_group(structure, machines, z, group, WORST_RESIDUAL)
-        for group in machines.groups
-    ]
+    return [residuals_of_group(structure, machines, z, group) for group in machines.groups]
 
 
 def normal_equations(
-    structure: Structure,
-    machines: Machines,
-    z: Float[Array, "parameter machine"],
-    noise: Noise,
-    heat: Heat,
+    structure: Structure, machines: Machines, z: Float[Array, "parameter machine"], noise: Noise
 ) -> Normal:
-    """Return the normal equations of whitened residuals.
-
-    Noise is that of each machine; heat what unmodelled heat does to each group of tests, as
-    `Observation.heat`, empty for noise that is white, without heat.
-    """
-    size, num_machines = z.shape
-    total = jnp.zeros((1 + size, 1 + size, num_machines))
-    for index, (means, group) in enumerate(
-        zip(linearise(structure, machines, z), machines.groups, strict=True)
-    ):
-        columns = [group.moments, means.residual[:, None], means.jacobian]
-        own, num_heat = jax.tree.map(group.by_lane, noise), 0
-        if heat:
-            num_heat = heat[index].shape[1]
-            white, _ = filtered(jnp.concatenate([heat[index], *columns], axis=1), own, group)
-        else:
-            white = weighted(jnp.concatenate(columns, axis=1), own, group)
-        num = num_heat + group.moments.shape[1]
-        swept, _ = without_columns(scaled_heat(products(white), num_heat, own.heat), num)
-        gram = swept[num:, num:]
-        total = total + sum(group.by_test(gram))
+    """Return the normal equations of whitened residuals under the noise of each machine."""
+    products, _ = inner_products(machines, linearise(structure, machines, z), noise)
     return Normal(
-        cost=0.5 * (total[0, 0] + jnp.sum(z**2, axis=0)),
-        gradient=total[1:, 0] + z,
-        curvature=total[1:, 1:] + identity(size, num_machines),
+        cost=0.5 * (products[0, 0] + jnp.sum(z**2, axis=0)),
+        gradient=products[1:, 0] + z,
+        curvature=products[1:, 1:] + units(z),
     )
+
+
+def units(z: Float[Array, "row lane"]) -> Float[Array, "row row lane"]:
+    """Return unit matrices."""
+    return jnp.broadcast_to(jnp.eye(z.shape[0])[:, :, None], (*z.shape[:1], *z.shape))
 
 
 def begun(start: Float[Array, "parameter machine"]) -> Search:
     """Return searches that stand at their starts."""
-    size, num_machines = start.shape
+    num_machines = start.shape[1]
     return Search(
         z=start,
         # nothing is known yet: the first step is none, and is taken whatever it finds
         normal=Normal(
             jnp.full(num_machines, jnp.inf, dtype=float),
-            jnp.zeros((size, num_machines)),
-            identity(size, num_machines),
+            jnp.zeros_like(start),
+            units(start),
         ),
         damping=jnp.full(num_machines, DAMPING, dtype=float),
         has_ended=jnp.zeros(num_machines, dtype=bool),
@@ -161,7 +132,8 @@ def _step(
     curvature = jnp.where(held[:, None] | held, unit, now.curvature)
     diagonal = jnp.einsum("iiw->iw", curvature)
     gradient = jnp.where(held, 0.0, now.gradient)
-    step = -solve(curvature + (damping * diagonal)[:, None] * unit, gradient)
+    damped = curvature + (damping * diagonal)[:, None] * unit
+    step = -each(eliminate)(damped, gradient[:, None])[:, 0]
     length = jnp.max(jnp.abs(step), axis=0)
     return step * jnp.minimum(1.0, LONGEST_STEP / jnp.maximum(length, 1e-300))
 
@@ -172,7 +144,6 @@ def search(
     machines: Machines,
     state: Search,
     noise: Noise,
-    heat: Heat,
     most: Int[Array, ""],
     held: Bool[Array, "parameter machine"],
 ) -> Search:
@@ -191,7 +162,7 @@ def search(
         foreseen = -jnp.sum(step * now.gradient, axis=0) - 0.5 * jnp.einsum(
             "iw,ijw,jw->w", step, now.curvature, step
         )
-        ahead = normal_equations(structure, machines, z + step, noise, heat)
+        ahead = normal_equations(structure, machines, z + step, noise)
         gain = (now.cost - ahead.cost) / jnp.maximum(foreseen, 1e-300)
         # the gain of the last steps drowns in the rounding of the cost
         rounding = ROUNDING * (1.0 + now.cost)
@@ -211,8 +182,6 @@ def search(
     return jax.lax.while_loop(unfinished, advance, state)
 
 
-INPUTS = ("current_squared", "losses", "ambient", "second_sink", "shaft_power", "speed")
-
 NUM_STEPS = 2
 """Steps of a coarse block; three where its number of steps is odd."""
 
@@ -220,30 +189,36 @@ NUM_STEPS = 2
 @compiled()
 def coarse(machines: Machines) -> Machines:
     """Return the machines with inputs that hold for several steps, as their mean."""
-    return replace(machines, groups=tuple(map(_of_group, machines.groups)))
+    groups = (replace(group, rows=_coarse(group.rows)) for group in machines.groups)
+    return replace(machines, groups=tuple(groups))
 
 
-def _of_group(group: Group) -> Group:
-    num_blocks, steps, lanes = group.weight.shape
+def _coarse(rows: Observation) -> Observation:
+    num_blocks, steps, lanes = rows.weight.shape
     num = next((each for each in (NUM_STEPS, 3) if steps % each == 0), steps)
     joined = steps // num
 
     def parts(values: Array) -> Array:
         return values.reshape(num_blocks, num, joined, lanes)
 
-    def mean(values: Float[Array, "block step lane"] | None) -> Array | None:
-        return None if values is None else jnp.mean(parts(values), axis=2)
+    def mean(values: Float[Array, "time lane"]) -> Float[Array, "time lane"]:
+        return jnp.mean(parts(values), axis=2).reshape(-1, lanes)
 
-    weight = parts(group.weight)
+    weight = parts(rows.weight)
     total = jnp.sum(weight, axis=2)
-    place = (jnp.arange(joined)[:, None] + parts(group.position)) / joined
+    place = (jnp.arange(joined)[:, None] + parts(rows.position)) / joined
     position = jnp.sum(weight * place, axis=2) / jnp.where(total > 0.0, total, math.inf)
-    return replace(
-        group,
-        step=group.step * joined,
-        weight=total,
-        position=position,
-        **{name: mean(getattr(group, name)) for name in INPUTS},
+    names = [name for name in SIGNALS if getattr(rows.inputs, name) is not None]
+    means = [mean(getattr(rows.inputs, name)) for name in names]
+    return eqx.tree_at(
+        lambda at: [
+            at.weight,
+            at.position,
+            at.inputs.step,
+            *(getattr(at.inputs, n) for n in names),
+        ],
+        rows,
+        [total, position, rows.inputs.step * joined, *means],
     )
 
 
@@ -316,13 +291,13 @@ def optima_from_starts(
     """Return the optima of each machine that is no padding; None where no start leads to a finite
     fit.
     """
-    width = machines.centre.shape[-1]
+    width = machines.priors.sd.shape[-1]
     rough = coarse(machines)
     states = []
     none = jnp.zeros((starts.shape[1], width), dtype=bool)
     for start in starts:
         lanes = begun(jnp.asarray(np.repeat(start[:, None], width, axis=1)))
-        states.append(search(structure, rough, lanes, noise, (), jnp.asarray(FIRST_STEPS), none))
+        states.append(search(structure, rough, lanes, noise, jnp.asarray(FIRST_STEPS), none))
     # trailing axes: machine, start
     joined: Any = jax.tree.map(lambda *parts: np.stack([*map(np.asarray, parts)], -1), *states)
     apart = [
@@ -332,11 +307,11 @@ def optima_from_starts(
     flat = [(lane, group) for lane, groups in enumerate(apart) for group in groups]
     places = np.array([[lane, group[0]] for lane, group in flat]).reshape(-1, 2)
     best = jax.tree.map(lambda values: values[..., places[:, 0], places[:, 1]], joined)
-    near, came_to = continued(structure, rough, best, places[:, 0], noise, (), COARSE_STEPS)
+    near, came_to = continued(structure, rough, best, places[:, 0], noise, COARSE_STEPS)
     is_lost = _are_lost(near, _lowest(near.normal.cost, places[:, 0]))
     kept = np.unique(came_to[~is_lost[came_to]])
     exact = on_host(begun(jnp.asarray(near.z[:, kept])))
-    done, stands_for = continued(structure, machines, exact, places[kept, 0], noise, ())
+    done, stands_for = continued(structure, machines, exact, places[kept, 0], noise)
     num_starts = np.zeros(kept.size, dtype=int)
     for (_, group), near_by in zip(flat, came_to, strict=True):
         if not is_lost[near_by]:
@@ -380,7 +355,6 @@ def continued(
     state: Any,
     lanes: np.ndarray,
     noise: Noise,
-    heat: Heat,
     most_steps: int = MAX_STEPS,
 ) -> tuple[Any, Int[np.ndarray, " search"]]:
     """Go on with searches to their end, as many at once as there are machines.
@@ -389,7 +363,7 @@ def continued(
     machine each is. With the searches comes for each the one that has gone on for it since they
     came together.
     """
-    width = machines.centre.shape[-1]
+    width = machines.priors.sd.shape[-1]
     state = jax.tree.map(np.array, state)
     stands_for = np.arange(lanes.size)
     none = jnp.zeros((state.z.shape[0], width), dtype=bool)
@@ -400,8 +374,8 @@ def continued(
             part = open_ones[first : first + width]
             filled = np.concatenate([part, np.repeat(part[-1:], width - part.size)])
             own_state = jax.tree.map(lambda v, filled=filled: jnp.asarray(v[..., filled]), state)
-            chosen = picked((machines, noise, heat), jnp.asarray(lanes[filled]), width)
-            after = search(structure, chosen[0], own_state, *chosen[1:], jnp.asarray(most), none)
+            own = picked((machines, noise), jnp.asarray(lanes[filled]), width)
+            after = search(structure, own[0], own_state, own[1], jnp.asarray(most), none)
             for own, found in zip(
                 jax.tree.leaves(state), jax.tree.leaves(on_host(after)), strict=True
             ):

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from functools import partial
+from collections.abc import Sequence
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,22 +14,14 @@ from jaxtyping import Array, Bool, Float
 from heatrun.fit.fit import NUM_ROUNDS, SETTLED, SIDE, is_corner, near_corner
 from heatrun.fit.restricted import STARTS_S
 from heatrun.io.programs import compiled
-from heatrun.model.noise import NOISE, Noise, free_of_columns, from_scores
-from heatrun.model.problem import Structure
+from heatrun.model.discrepancy import MOST_COLUMNS, with_heat
+from heatrun.model.noise import HEAT, NOISE, Noise, from_scores
+from heatrun.model.problem import Problem, Structure
 
-from .march import Group, Machines
-from .residuals import Means, filtered, heat_columns, values_of_group
-from .restricted import (
-    NUM_FILTER,
-    Linear,
-    NoiseSearch,
-    Restricted,
-    begun,
-    noise_precision,
-    restricted,
-    search_noise,
-)
-from .search import Heat, Search, kept, linearise, search
+from .march import Machines
+from .residuals import Means
+from .restricted import Linear, NoiseSearch, begun, search_noise
+from .search import Search, kept, linearise, search
 from .search import begun as search_begun
 
 MOST_STEPS = 60
@@ -47,7 +40,6 @@ class Settled(NamedTuple):
 
     z: Float[Array, "parameter machine"]  # Scores; those of the noise stand in `noise_z`.
     noise_z: Float[Array, "noise machine"]
-    heat: Heat  # What unmodelled heat does to each group of tests.
     cost: Float[Array, " machine"]  # Half the sum of squares at the end [nat].
     shift: Float[Array, " machine"]  # Change of the scores in the last turn.
     has_ended: Bool[Array, " machine"]  # Whether all searches of the machine have converged.
@@ -55,26 +47,34 @@ class Settled(NamedTuple):
 
 
 def settle(
-    structure: Structure, machines: Machines, z: Float[Array, "parameter machine"]
-) -> Settled:
-    """Return where noise and least squares come to rest from the optima for white noise."""
+    structure: Structure,
+    machines: Machines,
+    z: Float[Array, "parameter machine"],
+    problems: Sequence[Problem],
+) -> tuple[Settled, Machines, list[Problem]]:
+    """Return where noise and least squares come to rest from the optima for white noise, and the
+    machines and their problems with unmodelled heat.
+    """
     means, noise = linearise(structure, machines, z), None
     is_done = has_rival = jnp.zeros(z.shape[-1], dtype=bool)
     held = np.zeros(z.shape, dtype=bool)
     state: Settled | None = None
+    heated = list(problems)
     for _ in range(NUM_ROUNDS):
-        heat = heat_columns(structure, machines, z)
-        linear = Linear(z, means, heat)
+        at = np.asarray(z)
+        for lane in np.flatnonzero(~np.asarray(is_done)[: len(problems)]).tolist():
+            heated[lane] = with_heat(problems[lane], at[:, lane])
+        machines, linear = _with_heat(machines, heated), Linear(z, means)
         if noise is None:
             noise, has_rival = _first_noise(machines, linear)
         else:
             # the second derivative that the last turn has found still holds
             again = begun(noise.noise_z)._replace(curvature=noise.curvature)
             noise = search_noise(machines, linear, again, jnp.asarray(MOST_STEPS))
-        found, held = _searched(structure, machines, z, from_scores(noise.noise_z), heat, held)
+        found, held = _searched(structure, machines, z, from_scores(noise.noise_z), held)
         shift = jnp.max(jnp.abs(found.z - z), axis=0)
         has_ended = found.has_ended & noise.has_ended
-        now = Settled(found.z, noise.noise_z, heat, found.normal.cost, shift, has_ended, has_rival)
+        now = Settled(found.z, noise.noise_z, found.normal.cost, shift, has_ended, has_rival)
         if state is not None:
             now: Settled = kept(is_done, state, now)
         state, z = now, now.z
@@ -83,7 +83,21 @@ def settle(
         if bool(jnp.all(is_done)):
             break
     assert state is not None
-    return state
+    return state, machines, heated
+
+
+def _with_heat(machines: Machines, heated: Sequence[Problem]) -> Machines:
+    """Return the machines with the heat of their problems, the last one's in the empty places."""
+    heat = [problem.heat for problem in heated]
+    heat += heat[-1:] * (machines.priors.sd.shape[-1] - len(heat))
+    columns = []
+    for group in machines.groups:
+        joined = np.zeros((group.sink.shape[0], MOST_COLUMNS, group.sink.shape[1]))
+        lanes = [own[test] for test in group.tests for own in heat if own is not None]
+        for lane, own in enumerate(lanes):
+            joined[: own.shape[0], : own.shape[1], lane] = own
+        columns.append(jnp.asarray(joined))
+    return eqx.tree_at(lambda at: [group.rows.heat for group in at.groups], machines, columns)
 
 
 def _searched(
@@ -91,7 +105,6 @@ def _searched(
     machines: Machines,
     z: Float[Array, "parameter machine"],
     noise: Noise,
-    heat: Heat,
     held: Bool[np.ndarray, "parameter machine"],
 ) -> tuple[Search, Bool[np.ndarray, "parameter machine"]]:
     """Return the searches from some scores, and which delays are at their corners; `held` are those
@@ -99,7 +112,7 @@ def _searched(
     """
 
     def ahead(state: Search, most: int, held: np.ndarray) -> Search:
-        return search(structure, machines, state, noise, heat, jnp.asarray(most), jnp.asarray(held))
+        return search(structure, machines, state, noise, jnp.asarray(most), jnp.asarray(held))
 
     found = ahead(search_begun(z), BEFORE_CORNERS, held)
     ended = np.asarray(found.has_ended)
@@ -130,12 +143,15 @@ def _first_noise(machines: Machines, linear: Linear) -> tuple[NoiseSearch, Bool[
     that its neighbours are searched again.
     """
     bare = Linear(
-        linear.z[:0],
-        [Means(means.residual, means.jacobian[:, :0]) for means in linear.means],
-        tuple(heat[:, :0] for heat in linear.heat),
+        linear.z[:0], [Means(means.residual, means.jacobian[:, :0]) for means in linear.means]
+    )
+    none = eqx.tree_at(
+        lambda at: [group.rows.heat for group in at.groups],
+        machines,
+        [group.rows.heat[:, :0] for group in machines.groups],
     )
     tried = [
-        search_noise(machines, bare, begun(start), jnp.asarray(MOST_STEPS))
+        search_noise(none, bare, begun(start), jnp.asarray(MOST_STEPS))
         for start in _noise_starts(machines, linear.means)
     ]
     first, is_alone = _best(tried)
@@ -154,7 +170,8 @@ def _first_noise(machines: Machines, linear: Linear) -> tuple[NoiseSearch, Bool[
 
 def _with_parameters(machines: Machines, linear: Linear, found: NoiseSearch) -> NoiseSearch:
     """Return the noise with the parameters integrated out, searched from that without them."""
-    curvature = found.curvature.at[NUM_FILTER, NUM_FILTER].set(HEAT_CURVATURE)
+    place = NOISE.index(HEAT)
+    curvature = found.curvature.at[place, place].set(HEAT_CURVATURE)
     start = begun(found.noise_z)._replace(curvature=curvature)
     return search_noise(machines, linear, start, jnp.asarray(MOST_STEPS))
 
@@ -185,7 +202,7 @@ def _noise_starts(machines: Machines, means: list[Means]) -> list[Float[Array, "
     """Return scores at the level of the residuals; as `heatrun.fit.restricted` has them."""
     count, total, square = 0.0, 0.0, 0.0
     for of_group, group in zip(means, machines.groups, strict=True):
-        count = count + sum(group.by_test(group.num_blocks))
+        count = count + sum(group.by_test(jnp.sum(group.rows.is_observed, axis=0)))
         total = total + sum(group.by_test(jnp.sum(of_group.residual, axis=0)))
         square = square + sum(group.by_test(jnp.sum(of_group.residual**2, axis=0)))
     spread = jnp.sqrt(jnp.maximum(square / count - (total / count) ** 2, 0.0)) + 1e-6
@@ -198,51 +215,3 @@ def _noise_starts(machines: Machines, means: list[Means]) -> list[Float[Array, "
         jnp.stack([score(0, spread), score(1, time * ones), score(2, spread), 0.0 * ones])
         for time in STARTS_S
     ]
-
-
-class Final(NamedTuple):
-    """What is said of the fit: residuals and whitened residuals of each group of tests, the
-    restricted likelihood of the noise and its curvature, and as stiffness the longest step over the
-    longest that the march takes [1].
-    """
-
-    means: list[Means]
-    restricted: Restricted
-    noise_precision: Float[Array, "noise noise machine"]
-    innovations: list[Float[Array, "block lane"]]
-    stiffness: Float[Array, " machine"]
-
-
-def final(structure: Structure, machines: Machines, state: Settled) -> Final:
-    """Return what is said of the fit of each machine."""
-    means = linearise(structure, machines, state.z)
-    linear = Linear(state.z, means, state.heat)
-    found, innovations, stiffness = _final(structure, machines, linear, state.noise_z)
-    precision = noise_precision(machines, linear, state.noise_z)
-    return Final(means, found, precision, innovations, stiffness)
-
-
-@compiled("structure")
-def _final(structure: Structure, machines: Machines, linear: Linear, noise_z: Array):
-    innovations, stiffness = [], jnp.zeros(noise_z.shape[-1])
-    noise = from_scores(noise_z)
-    for means, heat, group in zip(linear.means, linear.heat, machines.groups, strict=True):
-        own = jax.tree.map(group.by_lane, noise)
-        innovations.append(_innovations(means, heat, own, group))
-        values, _ = values_of_group(structure, machines, linear.z, group)
-        network = structure.model.network(values)
-        rates = [
-            sum(2.0 / R for link, R in network.resistance.items() if node in link)
-            / network.capacitance[node]
-            for node in network.nodes
-        ]
-        fastest = group.step * jnp.max(jnp.stack(rates), axis=0)
-        stiffness = jnp.maximum(stiffness, jnp.max(jnp.stack(group.by_test(fastest)), axis=0))
-    return restricted(machines, linear, noise_z), innovations, stiffness
-
-
-def _innovations(means: Means, heat: Array, noise: Noise, group: Group) -> Array:
-    own = jnp.concatenate([noise.heat * heat, group.moments], axis=1)
-    white, _ = filtered(jnp.concatenate([own, means.residual[:, None]], axis=1), noise, group)
-    freed, _ = jax.vmap(partial(free_of_columns, num=own.shape[1]))(white)
-    return jnp.moveaxis(freed[:, :, 0], 0, -1)
