@@ -168,7 +168,7 @@ def losses_absurd(record: Record, motor: Motor) -> Iterator[Finding]:
     is_large = largest > LARGEST_W or per_K > LARGEST_W_PER_K
     if not is_large and not is_small:
         return
-    reading = next((one for one in record.mapping if one.channel == "losses_W"), None)
+    reading = record.read_of("losses_W")
     shown = (
         f"{rounded(largest)} W, {rounded(per_K)} W for each kelvin of rise"
         if per_K

@@ -280,7 +280,7 @@ def losses_of_shaft(record: Record, motor: Motor) -> Iterator[Finding]:
     loss is known to be a small part of them, else a warning: an efficiency may be below 50 %.
     """
     shaft = recorded_shaft_power(record.channels) if motor.losses == "balance" else None
-    reading = next((one for one in record.mapping if one.channel == "losses_W"), None)
+    reading = record.read_of("losses_W")
     if reading is None or reading.unit_from == "derived":
         return
     line = f'"{reading.column}" under [columns]'

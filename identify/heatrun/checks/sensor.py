@@ -62,13 +62,8 @@ BACK_SHARE = 0.5
 PLAUSIBLE_DEGC = (-60.0, 350.0)
 """Colder than any test chamber; hotter than any enamel endures (class C ends near 240 degC)."""
 
-FALL_WINDOW_S = 10.0
 FALL_SHARE = 0.5
-MIN_EXCESS_K = 20.0
-"""A winding that loses half of its excess over the sink in 10 s would have a time constant under
-15 s; the shortest of a motor is tens of seconds, and the stator below it is warm. Below 20 K of
-excess ordinary cooling and rounding come near."""
-
+"""Of its excess over the sink [1] that a reading loses which falls most of the way to it."""
 
 BELOW_HOUSING_K, BELOW_HOUSING_S = 3.0, 60.0
 """Two sensors agree to 1 K each; a housing in the sun of an inverter is warmer than a cold winding
@@ -271,14 +266,6 @@ def open_spans(record: Record, channel: str) -> list[tuple[float, float]]:
     return windows(time_s, _open_circuit(reading))
 
 
-def _falls(time_s: np.ndarray, temperature: np.ndarray, sink: np.ndarray) -> np.ndarray:
-    """Where the excess over the sink has halved within the window, sample by sample."""
-    earlier = np.searchsorted(time_s, time_s - FALL_WINDOW_S)
-    excess_then = temperature[earlier] - sink
-    excess_now = temperature - sink
-    return (excess_then > MIN_EXCESS_K) & (excess_now < (1.0 - FALL_SHARE) * excess_then)
-
-
 WHENEVER_LOADED, RISES_TOO = 0.95, 0.2
 """Share of the loaded time [1] in which a winding reads less than its housing that stands for it,
 and its swing and its rise over the housing's [1]: those of a sensor in the air are none."""
@@ -409,7 +396,7 @@ HOUSING = "housing_degC"
 
 def _exchanged(record: Record, winding: np.ndarray, housing: np.ndarray) -> Finding:
     """Return the finding that winding and housing stand for each other, or in two units."""
-    column = {one.channel: one.column for one in record.mapping}.get(HOUSING, HOUSING)
+    column = record.column_of(HOUSING, HOUSING)
     is_fahrenheit = abs((housing[0] - 32.0) / 1.8 - winding[0]) < BELOW_HOUSING_K
     return Finding(
         "sensor_detached",

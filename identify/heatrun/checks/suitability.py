@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 from ..io.own_files import is_simulated
 from ..io.quantities import rounded
 from ..io.toml_text import table_header
-from ..record.findings import FINDINGS, with_doubt
+from ..record.findings import SAID, with_doubt
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 
 SIMULATED = "simulated_by_heatrun"
 
-DOUBTS = {id: FINDINGS[id].said for id in with_doubt("parameters", "inputs") if FINDINGS[id].said}
+DOUBTS = {id: SAID[id] for id in with_doubt("parameters", "inputs") if id in SAID}
 """Id to what is in doubt, said of the record."""
 
 
@@ -35,7 +35,7 @@ def doubts(findings: Sequence[Finding]) -> dict[str, list[str]]:
     return found
 
 
-WEAK = {id: kind.said for id, kind in FINDINGS.items() if kind.said and not kind.doubt}
+WEAK = {id: words for id, words in SAID.items() if id not in DOUBTS}
 """Warnings after which the second order is calibrated, and its stator parameters stay uncertain."""
 
 LONGEST_REASON = 140

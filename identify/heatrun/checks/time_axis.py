@@ -144,7 +144,7 @@ def _sorted_otherwise(record: Record, num_steps: int) -> Finding:
             likeness = abs(np.corrcoef(place_of_row[known], values[known])[0, 1])
             follows[name] = 1.0 if is_sorted else likeness
     by = max(follows, key=lambda name: follows[name], default="")
-    column = next((f", column '{one.column}'" for one in record.mapping if one.channel == by), "")
+    column = f", column '{name}'" if (name := record.column_of(by)) else ""
     if num_steps == place_of_row.size - 1:
         order = "the last sample stands first"
     elif by and follows[by] > FOLLOWS:
@@ -260,7 +260,7 @@ def time_jitter(record: Record, motor: Motor) -> Iterator[Finding]:
 
 def _suspected_unit(record: Record, step_s: float) -> str:
     """Name milliseconds or microseconds where nothing states the unit of a time that creeps."""
-    column = next((one for one in record.mapping if one.channel == "time_s"), None)
+    column = record.read_of("time_s")
     if column is None or column.unit_from == "stated" or step_s < CREEPS_S:
         return ""
     unit = "ms" if step_s < 1e3 * CREEPS_S else "us"

@@ -98,9 +98,7 @@ def on_all_times(
 ) -> tuple[np.ndarray, list[np.ndarray]]:
     """Return all times that columns have, and the columns there, NaN at those of others.
 
-    Args:
-        times: Of each column, increasing, shape (sample,).
-        columns: Their values, shape (sample,) each.
+    The times of each column increase, shape (sample,).
     """
     moments = np.unique(np.concatenate(times))
     spread = []
@@ -205,11 +203,7 @@ def no_signals(kind: str, where: str) -> InputError:
 
 
 def kind_of_frames(text: str) -> str:
-    """Return of what kind a log of frames is, empty for any other text.
-
-    Args:
-        text: With line ends as in Python.
-    """
+    """Return of what kind a log of frames is, empty for any other text."""
     filled = (line.strip() for line in text.splitlines()[: 5 * NUM_LINES])
     lines = list(itertools.islice((line for line in filled if line), NUM_LINES))
     if any(_names_frames(line) for line in lines[:10]):
