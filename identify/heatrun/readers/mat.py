@@ -112,17 +112,13 @@ def courses(leaf: Leaf, length: int) -> list[tuple[str, str, np.ndarray]] | None
         or values.shape[0] == values.shape[1]
     ):
         return None
-    if values.shape[0] == length:
-        return [
-            (f"{leaf.name}(:,{k})", f"{leaf.heading} {k}", values[:, k - 1])
-            for k in range(1, values.shape[1] + 1)
-        ]
-    if values.shape[1] == length:
-        return [
-            (f"{leaf.name}({k},:)", f"{leaf.heading} {k}", values[k - 1])
-            for k in range(1, values.shape[0] + 1)
-        ]
-    return None
+    if length not in values.shape:
+        return None
+    is_by_row = values.shape[0] == length
+    return [
+        (f"{leaf.name}({f':,{k}' if is_by_row else f'{k},:'})", f"{leaf.heading} {k}", one)
+        for k, one in enumerate(values.T if is_by_row else values, 1)
+    ]
 
 
 def is_vector(values: np.ndarray) -> bool:
@@ -135,6 +131,10 @@ DIMENSION_ALONE = "This is a netCDF dimension but not a netCDF variable"
 
 WHAT = "a MAT file"
 REMEDY = "Save the signals as numeric vectors of one length: save('test.mat', 't', 'Is', …)."
+OF_OBJECTS = (
+    "Save times and values of an object as vectors: t = run.Time; T = run.Data; "
+    "save('test.mat', 't', 'T', …)."
+)
 OF_GROUPS = (
     "Save vectors of another length, with their time, as a file of their own: A.h5+B.h5 joins."
 )
@@ -443,7 +443,7 @@ def _joined(
     )
     return Table(
         tuple(columns), {}, {leaf.name: float(_numbers(leaf)[0]) for leaf in scalars},
-        (f"{len(groups)} groups, each with the times of its own.",), findings, reader,
+        (f"{len(groups)} groups, each with the times of its own.",), tuple(findings), reader,
         is_by_tag=True,
     )  # fmt: skip
 
@@ -474,30 +474,22 @@ def _kind(value: Stored | str) -> str:
 
 def _remedy(found: Sequence[Leaf]) -> str:
     is_object = any(isinstance(one.value, str) and "object" in one.value for one in found)
-    return (
-        "Save times and values of an object as vectors: t = run.Time; T = run.Data; "
-        "save('test.mat', 't', 'T', …)."
-        if is_object
-        else REMEDY
-    )
+    return OF_OBJECTS if is_object else REMEDY
 
 
 def _left_out(
     found: Sequence[Leaf], length: int, where: str, *, is_grouped: bool
-) -> tuple[Finding, ...]:
-    if not found:
-        return ()
-    names = [f"{one.name} ({_kind(one.value)})" for one in found]
-    return (
-        Finding(
-            id="variables_left_out",
-            severity="warning",
-            message=f"Not vectors of {length} numbers and left out: {', '.join(names)}.",
-            where=where,
-            remedy=OF_GROUPS if is_grouped else _remedy(found),
+) -> Iterator[Finding]:
+    if found:
+        names = [f"{one.name} ({_kind(one.value)})" for one in found]
+        yield Finding(
+            "variables_left_out",
+            "warning",
+            f"Not vectors of {length} numbers and left out: {', '.join(names)}.",
+            where,
+            OF_GROUPS if is_grouped else _remedy(found),
             values={"count": len(names), "length": length},
-        ),
-    )
+        )
 
 
 CLASSIC = "a classic netCDF file"

@@ -154,15 +154,10 @@ def as_stated(raw: np.ndarray, attributes: Mapping[str, Any]) -> Stored:
             found.values = found.values * factor
             found.notes.append(unit)
             unit = "s"
-    problem = (
-        Question(
-            f"The file says {'; '.join(found.problems)}: this is not understood.",
-            remedy="Export the variable in plain numbers with the attribute 'units', or as CSV.",
-        )
-        if found.problems
-        else None
-    )
-    return Stored(found.values, unit, ", ".join(found.notes), problem)
+    problem = f"The file says {'; '.join(found.problems)}: this is not understood."
+    remedy = "Export the variable in plain numbers with the attribute 'units', or as CSV."
+    question = Question(problem, remedy=remedy) if found.problems else None
+    return Stored(found.values, unit, ", ".join(found.notes), question)
 
 
 def _mark_missing(found: _Reading, said: Mapping[str, Any]) -> None:
@@ -391,51 +386,39 @@ def _is_short_text(field, about) -> bool:
 def _is_number(kind) -> bool:
     from pyarrow import types
 
-    readable = (
-        types.is_timestamp,
-        types.is_duration,
-        types.is_boolean,
-        types.is_integer,
-        types.is_floating,
-        types.is_decimal,
-    )
-    return any(test(kind) for test in readable)
+    readable = ("timestamp", "duration", "boolean", "integer", "floating", "decimal")
+    return any(getattr(types, f"is_{one}")(kind) for one in readable)
 
 
 def _is_unnamed_time(field) -> bool:
     """Return whether a field is pandas' unnamed index and holds times."""
-    import pyarrow.types
+    from pyarrow import types
 
-    is_time = pyarrow.types.is_timestamp(field.type) or pyarrow.types.is_duration(field.type)
+    is_time = types.is_timestamp(field.type) or types.is_duration(field.type)
     return is_time and field.name.startswith("__index_level_")
 
 
 def _values(chunks, kind) -> tuple[np.ndarray | None, str]:
     """Return a column as float64 with a note on how times were read; None if it is no number."""
     import pyarrow
-    import pyarrow.types
+    from pyarrow import types
 
-    if pyarrow.types.is_timestamp(kind) or pyarrow.types.is_duration(kind):
-        whole = chunks.cast(
-            pyarrow.timestamp("ns", kind.tz)
-            if pyarrow.types.is_timestamp(kind)
-            else pyarrow.duration("ns")
-        )
+    if types.is_timestamp(kind) or types.is_duration(kind):
+        is_duration = types.is_duration(kind)
+        to = pyarrow.duration("ns") if is_duration else pyarrow.timestamp("ns", kind.tz)
+        whole = chunks.cast(to)
         valid = whole.is_valid().to_numpy()
         ticks = whole.cast(pyarrow.int64()).fill_null(0).to_numpy()
-        if pyarrow.types.is_duration(kind) or not valid.any():
+        if is_duration or not valid.any():
             return np.where(valid, ticks * NANOSECONDS, np.nan), "a duration"
         first = int(ticks[valid][0])
         # Subtracted as integers: as float64, a date of today is only good to 0.2 µs.
         seconds = np.where(valid, (ticks - first) * NANOSECONDS, np.nan)
         return seconds, f"seconds from {np.datetime64(first, 'ns')}"
-    if pyarrow.types.is_boolean(kind):
-        return chunks.cast(pyarrow.int8()).cast(pyarrow.float64()).to_numpy(), ""
-    if pyarrow.types.is_integer(kind) or pyarrow.types.is_floating(kind):
-        return chunks.cast(pyarrow.float64(), safe=False).to_numpy().astype(np.float64), ""
-    if pyarrow.types.is_decimal(kind):
-        return chunks.cast(pyarrow.float64()).to_numpy(), ""
-    return None, ""
+    if not _is_number(kind):
+        return None, ""
+    whole = chunks.cast(pyarrow.int8()) if types.is_boolean(kind) else chunks
+    return whole.cast(pyarrow.float64(), safe=False).to_numpy().astype(np.float64), ""
 
 
 def _range_index(schema, num_rows: int) -> list[Column]:

@@ -96,19 +96,15 @@ def _check(data: bytes, where: str) -> None:
             size = sum(one.file_size for one in archive.infolist())
     except (zipfile.BadZipFile, EOFError, ValueError, NotImplementedError) as error:
         raise BrokenFileError(f"damaged or cut: {error}") from error
-    if BINARY_WORKBOOK in names:
-        raise InputError(
-            "Expected CSV, MAT, Parquet, MDF, TDMS or Excel, got a binary workbook.",
-            where=where,
-            remedy="Save it as .xlsx.",
-        )
     if WORKBOOK not in names:
-        raise InputError(
-            "Expected CSV, MAT, Parquet, MDF, TDMS or Excel, got a zip archive or another "
-            "spreadsheet.",
-            where=where,
-            remedy="Unpack it, or save it as .xlsx or CSV.",
+        got, remedy = (
+            "a zip archive or another spreadsheet",
+            "Unpack it, or save it as .xlsx or CSV.",
         )
+        if BINARY_WORKBOOK in names:
+            got, remedy = "a binary workbook", "Save it as .xlsx."
+        problem = f"Expected CSV, MAT, Parquet, MDF, TDMS or Excel, got {got}."
+        raise InputError(problem, where=where, remedy=remedy)
     if size > LARGEST_BYTES:
         raise BrokenFileError(f"{size} bytes unpacked, more than the {LARGEST_BYTES} that are read")
 
@@ -362,17 +358,14 @@ def _asked_with_sheet(column: Column, sheet: str, hints: Hints) -> Column:
     )
 
 
-def _other_sheets(sheet: Sheet, others: Sequence[str], where: str) -> tuple[Finding, ...]:
-    if not others:
-        return ()
-    return (
-        Finding(
-            id="sheet_chosen",
-            severity="note",
-            message=f"Sheet '{sheet.name}' is read, which has the most of the channels needed; "
+def _other_sheets(sheet: Sheet, others: Sequence[str], where: str) -> Iterator[Finding]:
+    if others:
+        yield Finding(
+            "sheet_chosen",
+            "note",
+            f"Sheet '{sheet.name}' is read, which has the most of the channels needed; "
             f"tables stand in {', '.join(repr(name) for name in others)} too.",
-            where=where,
-            remedy=f"To read another one: '{where}#{others[0]}'.",
+            where,
+            f"To read another one: '{where}#{others[0]}'.",
             values={"count": len(others)},
-        ),
-    )
+        )

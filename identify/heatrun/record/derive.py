@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, reduce
 from types import MappingProxyType
 from typing import Literal
 
@@ -83,7 +83,7 @@ def _product(channel: str, *factors: str) -> Derivation:
     """Return the way to a power as the product of other channels, or as it is."""
 
     def compute(channels: Channels, phases: int) -> np.ndarray:
-        return math.prod(channels[name] for name in factors)
+        return reduce(np.multiply, (channels[name] for name in factors))
 
     return Derivation(channel, factors, compute, "·".join(factors))
 

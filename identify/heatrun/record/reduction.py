@@ -14,7 +14,7 @@ from .channels import BODIES
 from .derive import recorded_shaft_power
 from .motor import Motor, Scales
 from .record import Record
-from .samples import BLOCK_S, integral, needed_channels, rounding_step
+from .samples import BLOCK_S, integral, needed_channels, require, rounding_step
 
 STEP_S = 2.0
 """Length of a step [s]: on a winding of 90 s a jump of load inside a step then costs a few
@@ -55,15 +55,7 @@ def reduce(
     """
     time = record.time_s
     motor = with_scales(motor, [record])
-    missing = [channel for channel in needed_channels(record, motor) if channel not in record]
-    if missing:
-        raise InputError(
-            f"channel {', '.join(missing)} is missing; the record has "
-            f"{', '.join(sorted(record.channels))}",
-            where=record.name,
-            remedy="Map it in the motor file, such as [columns] "
-            f'{missing[0]} = "name in the file [unit]".',
-        )
+    require(record, needed_channels(record, motor))
     if np.any(~np.isfinite(time)) or np.any(np.diff(time) <= 0):
         raise InputError(
             "time must increase from sample to sample and does not",

@@ -7,10 +7,12 @@ left out is itself reported, by `nan_block` and by the checks of the time axis.
 The step that a channel was rounded to is read off its samples too.
 """
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
+from ..errors import InputError
 from .channels import CHANNEL
 from .motor import Motor
 from .record import Finding, Record
@@ -56,6 +58,24 @@ def needed_channels(record: Record, motor: Motor) -> tuple[str, ...]:
     needed = ("time_s", "phase_current_A", "losses_W", sink_channel(motor), "winding_degC")
     is_asked = motor.losses == "map" or "phase_current_A" in record
     return needed if is_asked else tuple(name for name in needed if name != "phase_current_A")
+
+
+def require(record: Record, channels: Iterable[str]) -> None:
+    """Check that a record has channels.
+
+    Raises:
+        InputError: Naming the missing channels, what the file has and how to map them.
+    """
+    missing = [CHANNEL[name] for name in channels if name not in record]
+    if missing:
+        told = ", ".join(f"{one.name} ({one.meaning})" for one in missing)
+        raise InputError(
+            f"Missing: {told}. The file gives {', '.join(record.channels)}; not used: "
+            f"{', '.join(record.unused) or 'nothing'}.",
+            where=record.name,
+            remedy="Map each in the motor file: [columns] "
+            f'{missing[0].name} = "COLUMN [{missing[0].unit}]".',
+        )
 
 
 def is_measured(values: np.ndarray) -> np.ndarray:

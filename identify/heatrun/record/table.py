@@ -42,6 +42,11 @@ class Stated:
     # the kind of a current alone: that it is an amplitude.
     scope: Literal["column", "quantity", "unclear", "kind"] = "column"
 
+    @property
+    def at_start(self) -> str:
+        """The source as a sentence begins with it."""
+        return f"{self.source[:1].upper()}{self.source[1:]}"
+
 
 @dataclass(frozen=True)
 class Column:

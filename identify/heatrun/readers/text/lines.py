@@ -7,7 +7,7 @@ table parser would fill up short lines without a word.
 import codecs
 import itertools
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -321,10 +321,10 @@ def _first_cells(body: bytes, ends: np.ndarray, layout: Layout) -> Callable[[int
     return word
 
 
-def restarted(lines: DataLines, where: str) -> list[Finding]:
-    """Return the finding about a header that stands among the data again, if any."""
+def restarted(lines: DataLines, where: str) -> Iterator[Finding]:
+    """Yield the finding about a header that stands among the data again, if any."""
     if not lines.restarts:
-        return []
+        return
     ends = (*lines.restarts, lines.numbers.size)
     first = ", ".join(str(row) for row in lines.restarts[:NUM_NAMED])
     more = " and more" if len(lines.restarts) > NUM_NAMED else ""
@@ -332,39 +332,35 @@ def restarted(lines: DataLines, where: str) -> list[Finding]:
     section = table_header("tests", Path(where.removesuffix(".gz")).stem)
     if len(lines.restarts) > MOST_RESTARTS:
         rows = "[FIRST, LAST], …"
-    return [
-        Finding(
-            id="logger_restarted",
-            severity="warning",
-            message=f"The header stands there again, word for word, behind sample {first}{more}: "
-            "the logger was started again. Nothing says how long it was off.",
-            where=where,
-            remedy="Where the times go on, nothing need be done. If it was off for long, read the "
-            f"parts as tests of their own, in the motor file: {section} use_rows = [{rows}].",
-            values={"count": len(lines.restarts), "first_sample": lines.restarts[0]},
-        )
-    ]
+    yield Finding(
+        "logger_restarted",
+        "warning",
+        f"The header stands there again, word for word, behind sample {first}{more}: "
+        "the logger was started again. Nothing says how long it was off.",
+        where,
+        "Where the times go on, nothing need be done. If it was off for long, read the "
+        f"parts as tests of their own, in the motor file: {section} use_rows = [{rows}].",
+        values={"count": len(lines.restarts), "first_sample": lines.restarts[0]},
+    )
 
 
-def ragged_lines(lines: DataLines, layout: Layout, where: str) -> list[Finding]:
-    """Return the finding about lines that were left out, if any."""
+def ragged_lines(lines: DataLines, layout: Layout, where: str) -> Iterator[Finding]:
+    """Yield the finding about lines that were left out, if any."""
     count = lines.ragged.size
     if count == 0:
-        return []
+        return
     first = ", ".join(str(number) for number in lines.ragged[:NUM_NAMED])
     more = " and more" if count > NUM_NAMED else ""
-    return [
-        Finding(
-            id="ragged_rows",
-            severity="warning",
-            message=f"Lines without exactly {layout.width} cells, or of words below the table, "
-            f"hold no sample ({count}): line {first}{more}; the first is "
-            f"'{printable(lines.ragged_texts[0][:60])}'.",
-            where=where,
-            remedy="Export again if these samples matter.",
-            values={"count": count, "first_line": int(lines.ragged[0])},
-        )
-    ]
+    yield Finding(
+        "ragged_rows",
+        "warning",
+        f"Lines without exactly {layout.width} cells, or of words below the table, "
+        f"hold no sample ({count}): line {first}{more}; the first is "
+        f"'{printable(lines.ragged_texts[0][:60])}'.",
+        where,
+        "Export again if these samples matter.",
+        values={"count": count, "first_line": int(lines.ragged[0])},
+    )
 
 
 def _texts(body: bytes, ends: np.ndarray, ragged: np.ndarray) -> tuple[str, ...]:

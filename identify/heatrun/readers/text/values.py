@@ -6,7 +6,7 @@ Which decimal sign numbers have is judged with them, and whether the file settle
 import csv
 import datetime
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -294,37 +294,26 @@ def unsettled_cells(cells: pd.Series, decimal: str) -> Question | None:
     )
 
 
-def unreadable_cells(values: Values, column: str, lines: np.ndarray, where: str) -> Finding | None:
-    """Return the finding about the cells of a column that became NaN, or None.
-
-    `lines` are the line numbers in the file, from 1, shape (time,).
+def findings_of(values: Values, column: str, lines: np.ndarray, where: str) -> Iterator[Finding]:
+    """Yield what is to be said of cells that became NaN, and of times that were read in one of two
+    ways; lines are numbers in the file, from 1, shape (time,).
     """
-    if values.unreadable is None or not values.unreadable.any():
-        return None
-    count = int(values.unreadable.sum())
-    line = int(lines[values.unreadable][0])
-    return Finding(
-        id="unreadable_cells",
-        severity="warning",
-        message=f"{count} of {values.numbers.size} cells hold no number; the first is "
-        f"'{printable(values.first_text[:40])}' in line {line}. They count as missing.",
-        where=f"{where}, column {column}",
-        remedy="Export numbers alone, without separators of thousands.",
-        values={"count": count, "first_line": line},
-    )
-
-
-def doubtful(values: Values, column: str, where: str) -> Finding | None:
-    """Return the finding about times that were read in one of two ways, or None."""
-    if not values.doubt:
-        return None
-    return Finding(
-        id="time_assumed",
-        severity="warning",
-        message=values.doubt,
-        where=f"{where}, column {column}",
-        remedy=f'State the format: [columns] time_s = "{column} [mm:ss]" or "{column} [hh:mm]".',
-    )
+    where = f"{where}, column {column}"
+    if values.unreadable is not None and values.unreadable.any():
+        count = int(values.unreadable.sum())
+        line = int(lines[values.unreadable][0])
+        yield Finding(
+            "unreadable_cells",
+            "warning",
+            f"{count} of {values.numbers.size} cells hold no number; the first is "
+            f"'{printable(values.first_text[:40])}' in line {line}. They count as missing.",
+            where,
+            "Export numbers alone, without separators of thousands.",
+            values={"count": count, "first_line": line},
+        )
+    if values.doubt:
+        stated = f'[columns] time_s = "{column} [mm:ss]" or "{column} [hh:mm]".'
+        yield Finding("time_assumed", "warning", values.doubt, where, f"State the format: {stated}")
 
 
 def _thousands(texts: pd.Series, decimal: str) -> Question | None:
