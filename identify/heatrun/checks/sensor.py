@@ -225,11 +225,16 @@ def _without_sensor(
     )
 
 
+def _up_to(record: Record, begin_s: float, at_s: float, where: str) -> tuple[Part, ...]:
+    """Return what to write to use a test up to a time [s]."""
+    return f" To use the test up to {where}: ", use_line(record, (begin_s, at_s)), "."
+
+
 def _without_jump(record: Record, channel: str, at_s: float, is_lasting: bool) -> tuple[Part, ...]:
     """Return what to write to use a test without a jump; nothing for a spike of the sink."""
     time_s = samples(record, channel)[0]
     if channel not in BODIES and is_lasting and at_s > time_s[0]:
-        return " To use the test up to it: ", use_line(record, (float(time_s[0]), at_s)), "."
+        return _up_to(record, float(time_s[0]), at_s, "it")
     past = float(time_s[min(np.searchsorted(time_s, at_s) + SPIKE_SAMPLES, time_s.size - 1)])
     return _left_out(record, channel, (at_s, past))
 
@@ -373,7 +378,6 @@ def loses_contact(record: Record, motor: Motor) -> Iterator[Finding]:
     lost = lost_contact(record, motor)
     if lost is None:
         return
-    begin_s = float(samples(record)[0][0])
     yield Finding(
         "sensor_detached",
         "warning",
@@ -383,9 +387,8 @@ def loses_contact(record: Record, motor: Motor) -> Iterator[Finding]:
         f"{lost.misfit_put_right_K:.2g} K. The sensor lost contact, or the cooling changed.",
         place(record, "winding_degC", lost.from_s, lost.to_s),
         Remedy(
-            "Check the sensor's contact, and fan, flow and doors. To use the test up to there: ",
-            use_line(record, (begin_s, lost.from_s)),
-            ".",
+            "Check the sensor's contact, and fan, flow and doors.",
+            *_up_to(record, float(samples(record)[0][0]), lost.from_s, "there"),
         ),
         values={"from_s": lost.from_s, "to_s": lost.to_s, "share": lost.share},
     )
@@ -424,7 +427,7 @@ def _detached(
     if is_back or from_s <= begin_s:
         advice = _left_out(record, "winding_degC", (from_s, until_s))
     else:
-        advice = " To use the test up to there: ", use_line(record, (begin_s, from_s)), "."
+        advice = _up_to(record, begin_s, from_s, "there")
     return Finding(
         "sensor_detached",
         "error",

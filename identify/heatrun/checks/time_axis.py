@@ -23,6 +23,8 @@ MAX_DUPLICATE_SHARE = 0.01
 """Above this share of repeated stamps [1] it is not a row written twice: the stamps are coarser
 than the sampling, and where inside the step a sample lies is lost."""
 
+HARMLESS = "The block averages are hardly affected."
+
 MAX_JITTER = 0.1
 """Relative spread of the sampling step [1] from which an average over samples is no longer an
 average over time to better than about 1 % in blocks of 100 samples."""
@@ -178,19 +180,11 @@ def time_duplicate(record: Record, motor: Motor) -> Iterator[Finding]:
         "time_duplicate",
         "error" if is_coarse else "warning",
         f"Expected increasing time; {same.size} samples ({100.0 * share:.1f} %) repeat the "
-        f"time stamp before them, the first is sample {int(same[0]) + 1}."
-        + (
-            " The time stamps are coarser than the sampling."
-            if is_coarse
-            else " The block averages are hardly affected."
-        ),
+        f"time stamp before them, the first is sample {int(same[0]) + 1}. "
+        f"{'The time stamps are coarser than the sampling.' if is_coarse else HARMLESS}",
         place(record, "time_s", float(time_s[same[0]])),
         "Export the time with more decimals." if is_coarse else "Check for rows written twice.",
-        values={
-            "num_samples": float(same.size),
-            "share": share,
-            "from_s": float(time_s[same[0]]),
-        },
+        values={"num_samples": float(same.size), "share": share, "from_s": float(time_s[same[0]])},
     )
 
 

@@ -41,11 +41,7 @@ class Choice:
 
 
 def choices(surveys: Sequence[Survey]) -> tuple[Choice, ...]:
-    """Return the channels that are read, missing or likely, those of a calibration first.
-
-    Args:
-        surveys: What the files hold.
-    """
+    """Return the channels that are read, missing or likely, those of a calibration first."""
     missing = {gap.channel: gap for gap in gaps(surveys) if gap.channel}
     free = {column.name: column for one in surveys for column in one.free if not column.text}
     recognised = [each for one in surveys for each in one.recognised if each.column]
@@ -85,11 +81,8 @@ def _choice_line(channel: str, column: FreeColumn) -> str:
 
 
 def as_chosen(found: Sequence[Gap], columns: Mapping[str, str]) -> tuple[Gap, ...]:
-    """Return the gaps of tests as a person has filled them.
-
-    Args:
-        found: What the tests leave out.
-        columns: Right-hand side by channel, also of channels that the tests do not leave out.
+    """Return the gaps of tests as a person has filled them, by a right-hand side of a channel, also
+    of channels that the tests do not leave out.
     """
     known = {gap.channel: gap for gap in found}
     return (
@@ -291,11 +284,8 @@ def _offered(missing: Sequence[Gap], mark: str, most: int) -> list[str]:
 def _free(surveys: Sequence[Survey], missing: Set[str], shown: Set[str], mark: str) -> list[str]:
     """Return the columns that no channel claims, with a line for what each may be.
 
-    Args:
-        surveys: What the files hold.
-        missing: Channels whose candidates stand above.
-        shown: Right-hand sides that stand above.
-        mark: What stands before a line that holds: that of the speed, by which a fan cools.
+    Candidates of the missing channels stand above, with the right-hand sides that are shown. The
+    mark stands before a line that holds: that of the speed, by which a fan cools.
     """
     lines = []
     settled = {channel for one in surveys for channel in one.channels} | missing
@@ -324,12 +314,11 @@ def _constants(missing: Sequence[Gap], mark: str) -> list[str]:
         if gap.number and is_blank and (mark or not gap.best):
             lines.append(_blank(gap.channel, gap.number))
         if gap.constants and not gap.best and not mark:
-            lines[-len(gap.constants[:MOST_OPEN])] = _accepted(gap.constants[0])
+            accepted = gap.constants[0].removeprefix("# ")
+            lines[-len(gap.constants[:MOST_OPEN])] = accepted.replace(
+                "  # ", f"  # {PLEASE_CHECK}: ", 1
+            )
     return lines or ["# CHANNEL = NUMBER, of what was not recorded because it does not change"]
-
-
-def _accepted(line: str) -> str:
-    return line.removeprefix("# ").replace("  # ", f"  # {PLEASE_CHECK}: ", 1)
 
 
 def _overrides(missing: Sequence[Gap], mark: str) -> list[str]:

@@ -95,9 +95,6 @@ def gaps(surveys: Sequence[Survey]) -> tuple[Gap, ...]:
 
     A channel is missing if a test has it neither as a column nor by a formula. Where a formula of
     columns that are there says more than the best column, its channels are the missing ones.
-
-    Args:
-        surveys: What the files hold; those of one test bear its name.
     """
     tests: dict[str, list[Survey]] = {}
     for one in surveys:
@@ -212,13 +209,7 @@ def _resistance(surveys: Sequence[Survey], *, is_zero: bool) -> Gap:
 
 
 def _channel(name: str, wanted: Mapping[str, str], tests: Mapping[str, Sequence[Survey]]) -> Gap:
-    """Return the gap of a channel.
-
-    Args:
-        name: Canonical name.
-        wanted: The tests that lack it, with the formula that it is needed for, or nothing.
-        tests: The files of each test.
-    """
+    """Return the gap of a channel; the tests that want it lack it, for a formula or by itself."""
     surveys = [one for test in wanted for one in tests[test]]
     formula = next(filter(None, wanted.values()), "")
     each = {test: ranked(name, [one for one in candidates(name, tests[test])

@@ -91,6 +91,9 @@ BODIES: tuple[str, ...] = (
 )
 """Temperatures of bodies beside the winding."""
 
+OF_LOAD = ("phase current", "dq current", "direct current", "power", "torque", "speed", "voltage")
+"""Quantities that are the load."""
+
 READINGS: tuple[str, ...] = ("winding_degC", *BODIES)
 """Temperatures that a fit compares."""
 

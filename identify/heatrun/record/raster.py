@@ -159,7 +159,7 @@ def at_own_rates(
     read = np.logical_or.reduce([nothing, *(held[name] for name in held if name in READINGS)])
     dense = np.logical_or.reduce([nothing, *(held[name] for name in held if name not in slow)])
     filled, findings = dict(channels), []
-    for name in held.keys() - set(READINGS):
+    for name in (one for one in held if one not in READINGS):
         empty = np.isfinite(time_s) if name in slow else read & ~dense
         empty &= ~held[name]
         known = held[name] & np.isfinite(time_s)

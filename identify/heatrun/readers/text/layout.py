@@ -209,7 +209,8 @@ def find_layout(
     while lines and not lines[-1].strip():
         lines.pop()
     if not lines:
-        raise InputError("Expected a table, got an empty file.", where=where, remedy=_COPY_AGAIN)
+        remedy = "Copy the file again from the bench; it may have been cut."
+        raise InputError("Expected a table, got an empty file.", where=where, remedy=remedy)
     said = DECIMAL_SEPARATOR.search("\n".join(lines))
     stated_decimal = stated_decimal or (said["sign"] if said else None)
     signs = (".", ",") if stated_decimal is None else (stated_decimal,)
@@ -283,9 +284,6 @@ def first_word(line: str, delimiter: str) -> str:
     word = line.partition("\t" if delimiter == " " else delimiter)[0].strip(' "')
     word = word.split(maxsplit=1)[0] if delimiter == " " and word else word
     return word if re.search(r"[^\W\d_]|[*#]", word) and not is_value(word, ".") else ""
-
-
-_COPY_AGAIN = "Copy the file again from the bench; it may have been cut."
 
 
 def _best_split(
