@@ -180,9 +180,7 @@ of."""
 
 
 def warming(record: Record) -> tuple[float, float]:
-    """Return by how much the winding warms at most, and how much that must be to be a heating
-    [K].
-    """
+    """Return by how much the winding warms at most [K], and how much a heating must [K]."""
     time_s, winding = samples(record, "winding_degC")
     return _rise(winding, _means(time_s, winding)[1])
 
@@ -201,9 +199,7 @@ def _means(time_s: np.ndarray, winding: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def no_heating(record: Record, motor: Motor) -> Iterator[Finding]:
-    """Report a winding that never warms: an error, or a warning where the test is a cooling
-    curve.
-    """
+    """Report a winding that never warms: an error, or of a cooling curve a warning."""
     time_s, winding = samples(record, "winding_degC")
     if time_s.size < 3:
         return

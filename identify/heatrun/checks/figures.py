@@ -29,13 +29,7 @@ from ..record.derive import ELECTRICAL, SHAFT, shaft_power
 from ..record.motor import Motor
 from ..record.record import Record
 from ..record.samples import block_means, integral, samples
-from .losses import (
-    COPPER_TOLERANCE,
-    FIRM_TOLERANCE,
-    copper_shares,
-    shaft_explains,
-    share_in_words,
-)
+from .losses import COPPER_TOLERANCE, FIRM_TOLERANCE, copper_shares, shaft_explains, share_in_words
 from .quick_fit import course_of, quick_fit
 
 BLOCKS = 300

@@ -390,9 +390,7 @@ def _is_at_rest(record: Record, channel: str, from_s: float, to_s: float) -> boo
 
 
 def _is_steady(record: Record, channel: str, from_s: float, to_s: float) -> bool:
-    """Return whether a channel of the load is live, and the same all through a stretch and beside
-    it.
-    """
+    """Return whether a channel of the load is live, and the same within a stretch and beside it."""
     time_s, values = samples(record, channel)
     around = values[within(time_s, [(from_s - LIVE_S, to_s + LIVE_S)])]
     is_live = np.mean(np.diff(around) != 0.0) > FLICKERS if around.size > 1 else False

@@ -50,9 +50,7 @@ REMEDY = {
 
 
 def missing_channel(record: Record, motor: Motor) -> Iterator[Finding]:
-    """Report each channel that a fit needs and the record does not have, or has at another
-    length.
-    """
+    """Report each channel that a fit needs and the record lacks, or has at another length."""
     for channel in needed_channels(record, motor):
         if channel not in record:
             have = ", ".join(record.channels) or "none"

@@ -396,9 +396,7 @@ def places_of(pairs: np.ndarray) -> np.ndarray:
 
 
 def pairs_on(axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the places of fast and slow lags on their axes that are far enough apart, and the time
-    constants there [s], shape (2, pair) each.
-    """
+    """Return the places of lags that are apart on their axes, and these [s], shape (2, pair)."""
     fast_s, slow_s = axes
     pairs = np.argwhere(slow_s[None] >= APART * fast_s[:, None]).T
     return pairs, np.stack([fast_s[pairs[0]], slow_s[pairs[1]]])

@@ -80,17 +80,6 @@ SAME_S = 10.0
 """Within this a jump and a movement are one [s]."""
 
 
-def _is_spike_at(finding: Finding, moved: Movement) -> bool:
-    at_s = finding.values["from_s"] or 0.0
-    is_there = moved.from_s - SAME_S <= at_s <= moved.to_s + SAME_S
-    return finding.severity != "error" and is_there
-
-
-def _looks_like_kelvin(temperature: np.ndarray) -> bool:
-    """Then all values are off by 273 and `units_temperature` has the say."""
-    return bool(np.min(temperature) > 230.0 and np.median(temperature) < 500.0)
-
-
 def temperature_jump(record: Record, motor: Motor, looked: Looked) -> Iterator[Finding]:
     """Report temperatures that move as no heat moves them.
 
@@ -104,7 +93,9 @@ def temperature_jump(record: Record, motor: Motor, looked: Looked) -> Iterator[F
         return
     # a shift while the winding warms fast looks like a spike: how it moved says that it stays
     if of_winding is not None:
-        if moved.is_back or not _is_spike_at(of_winding, moved):
+        at_s = of_winding.values["from_s"] or 0.0
+        is_there = moved.from_s - SAME_S <= at_s <= moved.to_s + SAME_S
+        if moved.is_back or of_winding.severity == "error" or not is_there:
             yield from at_once.values()
             return
         del at_once["winding_degC"]
@@ -149,7 +140,8 @@ def jumps_at_once(record: Record, motor: Motor) -> Iterator[Finding]:
         steps = np.diff(time_s)
         slack = 2.0 * (rounding_step(temperature) or 0.0) + NOISE_SIGMAS * _noise(temperature)
         rates = np.diff(temperature) / steps
-        beside = np.maximum(*(np.sign(rates) * each for each in _neighbours(rates)))
+        earlier, later = np.append(0.0, rates[:-1]), np.append(rates[1:], 0.0)
+        beside = np.maximum(np.sign(rates) * earlier, np.sign(rates) * later)
         limits = (MAX_RATE_K_PER_S + np.maximum(beside, 0.0)) * steps + slack
         jumps = np.flatnonzero(np.abs(np.diff(temperature)) > limits)
         if jumps.size == 0:
@@ -195,11 +187,6 @@ def jumps_at_once(record: Record, motor: Motor) -> Iterator[Finding]:
         )
 
 
-def _neighbours(rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rates one sample sooner and one later, 0 beyond the ends."""
-    return np.append(0.0, rates[:-1]), np.append(rates[1:], 0.0)
-
-
 def _left_out(record: Record, channel: str, *spans: tuple[float, float]) -> tuple[Part, ...]:
     """Return what to write to do without readings; of the sink, which no fit does without, none."""
     if channel == "winding_degC":
@@ -211,9 +198,7 @@ def _left_out(record: Record, channel: str, *spans: tuple[float, float]) -> tupl
 def _without_sensor(
     record: Record, channel: str, spans: list[tuple[float, float]]
 ) -> tuple[Part, ...]:
-    """Return what to write to do without what an open circuit reads: in place of a sink's readings
-    a constant, that of the others.
-    """
+    """Return what to write to do without what an open circuit reads: of a sink, a constant."""
     if channel == "winding_degC" or channel in BODIES:
         return _left_out(record, channel, *spans)
     time_s, reading = samples(record, channel)
@@ -257,11 +242,10 @@ def _open_circuit(temperature: np.ndarray) -> np.ndarray:
 
 
 def open_spans(record: Record, channel: str) -> list[tuple[float, float]]:
-    """Return the stretches in which a temperature reads what an open circuit does, first and last
-    time of each [s].
-    """
+    """Return first and last times [s] of where a temperature reads what an open circuit does."""
     time_s, reading = samples(record, channel)
-    if time_s.size < 3 or _looks_like_kelvin(reading):
+    # of kelvin, all off by 273, `units_temperature` has the say
+    if time_s.size < 3 or (np.min(reading) > 230.0 and np.median(reading) < 500.0):
         return []
     is_column = not record.mapping or channel in {one.channel for one in record.mapping}
     if np.all(reading == NOTHING) and channel != "winding_degC" and is_column:

@@ -58,9 +58,7 @@ def _clock(record: Record) -> np.ndarray:
 
 
 def time_backwards(record: Record, motor: Motor) -> Iterator[Finding]:
-    """Report stamps that lie before their predecessor; which part of the record is right is
-    unknown.
-    """
+    """Report stamps that lie before their predecessor; which part is right is unknown."""
     time_s = _clock(record)
     steps = np.diff(time_s)
     back = np.flatnonzero(steps < 0.0)

@@ -194,9 +194,7 @@ def _scaled(record: Record, motor: Motor, names: Sequence[str], factor: float) -
 def _posterior(
     record: Record, motor: Motor, found: Sequence[Figure]
 ) -> tuple[list[tuple[float, OtherReading]], float, float]:
-    """Return the probability of each reading, the most likely first, of a liquid, and of something
-    else; that all is right makes them one.
-    """
+    """Return the probability of each reading, likely ones first, of a liquid, of something else."""
     shown = {figure.id: figure.cost for figure in found}
 
     def cost(record: Record, motor: Motor, most: float, cooled_by: str = "") -> float:

@@ -68,9 +68,7 @@ def _samples(values: np.ndarray) -> np.ndarray:
 
 
 def times_as_much(one: np.ndarray, other: np.ndarray, spread: float = 0.3) -> float | None:
-    """Return how many times another column a column is under load, None where it is no multiple of
-    it, to a spread in parts of that.
-    """
+    """Return how many times another a column is under load; None beyond a spread in parts of it."""
     if one.shape != other.shape:
         return None
     one, other = _samples(one), _samples(other)
@@ -133,9 +131,7 @@ def warms_with(temperature: np.ndarray, load: np.ndarray) -> bool:
 
 
 def falls(temperature: np.ndarray) -> bool:
-    """Return whether a column falls from its first sample to its last, as a winding without load
-    does.
-    """
+    """Return whether a column falls throughout, as a winding without load does."""
     level = temperature[np.isfinite(temperature)]
     if level.size < 20:
         return False

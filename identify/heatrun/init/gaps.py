@@ -346,9 +346,7 @@ def _silent(name: str, one: Survey) -> Iterator[str]:
 
 
 def _constants(name: str, surveys: Sequence[Survey]) -> tuple[str, ...]:
-    """Return lines of `[constants]` for a room that was not recorded, a shaft that stands, or a
-    winding that only cools.
-    """
+    """Return lines of `[constants]` for a room, a shaft that stands, a winding that only cools."""
     if name in AT_REST and all(one.under_direct_current for one in surveys):
         return (f"# {name} = 0.0  # direct current turns no shaft",)
     if name in UNLOADED and all(one.only_cools for one in surveys):
@@ -444,8 +442,12 @@ def stated_resistance(surveys: Sequence[Survey]) -> dict[str, dict[float, str]]:
     if not ohms:
         return {}
     for one in surveys:
-        for value, where in _references(one):
-            degrees.setdefault(value, where)
+        for line in one.preamble:
+            for value in _temperatures(REFERENCE.findall(line)):
+                degrees.setdefault(value, quoted(line))
+        for value, where in _scalars(one, SCALAR_REFERENCE):
+            if COLDEST < value < HOTTEST:
+                degrees.setdefault(value, where)
     return {"phase_resistance_ohm": ohms, "reference_temperature_degC": degrees}
 
 
@@ -481,16 +483,6 @@ def _temperature(found: re.Match[str], line: str) -> float | None:
     inside = AT_DEGREES.search(found["between"])
     stated = inside or BEHIND.match(line, found.end()) or IN_NAME.search(found["name"])
     return next(_temperatures([stated[1]] if stated else []), None)
-
-
-def _references(one: Survey) -> Iterator[tuple[float, str]]:
-    """Yield each reference temperature [°C] that stands apart from its resistance."""
-    for line in one.preamble:
-        for value in _temperatures(REFERENCE.findall(line)):
-            yield value, quoted(line)
-    for value, where in _scalars(one, SCALAR_REFERENCE):
-        if COLDEST < value < HOTTEST:
-            yield value, where
 
 
 def _scalars(one: Survey, called: re.Pattern[str]) -> Iterator[tuple[float, str]]:

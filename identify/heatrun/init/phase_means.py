@@ -141,12 +141,7 @@ def _lines(how: str, three: Sequence[Sensor], table: Table) -> Iterator[str]:
 
 
 def _reads_back(
-    table: Table,
-    channel: str,
-    line: str,
-    names: tuple[str, ...],
-    left_out: Columns,
-    where: str,
+    table: Table, channel: str, line: str, names: tuple[str, ...], left_out: Columns, where: str
 ) -> bool:
     try:
         mapped = map_columns(table, {**left_out, channel: line}, where=where, is_part=True)

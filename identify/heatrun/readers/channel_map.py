@@ -31,11 +31,7 @@ ONLY_CLOCK, ITS_WORDS = "the one column of times", "its words"
 
 
 def map_columns(
-    table: Table,
-    columns: Columns | None = None,
-    *,
-    where: str,
-    is_part: bool = False,
+    table: Table, columns: Columns | None = None, *, where: str, is_part: bool = False
 ) -> MappedColumns:
     """Return the canonical channels of a table.
 
@@ -70,9 +66,10 @@ def map_columns(
         claim = _by_resistance(claim, column, where)
         _add_claimed(mapping, claim, column)
     _add_canonical(mapping, table.columns)
-    for column_map in COLUMN_MAPS:
-        if _num_present(column_map, pool) >= column_map.num_needed:
-            _add_by_map(mapping, column_map, pool)
+    for one in COLUMN_MAPS:
+        labels = [*one.entries.items(), *((label, "") for label in one.refused)]
+        if sum(bool(columns_of(*label, pool)) for label in labels) >= one.num_needed:
+            _add_by_map(mapping, one, pool)
     if mapping.rate_Hz is not None:
         mapping.excluded.add("time_s")  # a rate that is stated goes before a word
     _add_by_words(mapping, table.columns)
@@ -118,19 +115,20 @@ def _constants(table: Table) -> tuple[Column, ...]:
 
 
 def _claimed(
-    claim: Claim, pool: Iterable[Column], table: Table, where: str, is_part: bool
+    claim: Claim, pool: Sequence[Column], table: Table, where: str, is_part: bool
 ) -> Column | None:
     """Return the column that a line of `[columns]` names."""
-    pool = tuple(pool)
     quantity = CHANNEL[claim.channel].quantity
+    longer = [column for column in pool if column.label.startswith(claim.label)]
     for matches in (
         [column for column in pool if column.name == claim.text],
         [column for column in pool if claim.base and column.name == claim.base],
         [column for column in pool if claim.label in (column.name, column.label)],
         [column for column in pool if claim.text == column.label],
-        [column for column in pool if column.heading and claim.label in _headed(column)],
+        [one for one in pool if one.heading and claim.label in _headed(one)],
         [column for column in pool if claim.label == _stem(column, quantity)],
-        _with_unit_left(claim, pool),
+        # the one whose name goes on with a unit alone behind the name in `[columns]`
+        [one for one in longer if _unit_left(claim, one)] if len(longer) == 1 else [],
     ):
         if len(matches) > 1:
             raise _two_columns(claim.channel, matches, where)
@@ -196,12 +194,6 @@ def _stem(column: Column, quantity: str) -> str | None:
     return named.stem if named and is_sure(named.unit) and named.stem else None
 
 
-def _with_unit_left(claim: Claim, pool: Iterable[Column]) -> list[Column]:
-    """Return the one column whose name goes on with a unit alone behind the name in `[columns]`."""
-    found = [column for column in pool if column.label.startswith(claim.label)]
-    return found if len(found) == 1 and _unit_left(claim, found[0]) else []
-
-
 def _unit_left(claim: Claim, column: Column) -> str | None:
     """Return the unit that stands behind the name in `[columns]`, as K in "T_wdg K" for T_wdg."""
     if claim.unit is not None or not column.label.startswith(claim.label):
@@ -212,10 +204,9 @@ def _unit_left(claim: Claim, column: Column) -> str | None:
 
 
 def _add_combined(
-    mapping: MappedColumns, claim: Claim, pool: Iterable[Column], table: Table, is_part: bool
+    mapping: MappedColumns, claim: Claim, pool: Sequence[Column], table: Table, is_part: bool
 ) -> None:
     """Take the mean, the hottest or the sum of several columns for a channel."""
-    pool = tuple(pool)
     found = [_claimed(part, pool, table, mapping.where, is_part) for part in claim.parts]
     columns = [column for column in found if column is not None]
     if len(columns) < len(found):
@@ -263,11 +254,8 @@ def _add_claimed(mapping: MappedColumns, claim: Claim, column: Column) -> None:
     mapping.add(channel, column, decided, "[columns]", "stated", is_decided=is_decided)
 
 
-def _add_canonical(mapping: MappedColumns, columns: Iterable[Column]) -> None:
-    columns = tuple(columns)
-    for channel in CHANNEL.values():
-        if not mapping.wants(channel.name):
-            continue
+def _add_canonical(mapping: MappedColumns, columns: Sequence[Column]) -> None:
+    for channel in filter(lambda one: mapping.wants(one.name), CHANNEL.values()):
         matches = [column for column in columns if column.label == channel.name]
         if len(matches) > 1:
             raise _two_columns(channel.name, matches, mapping.where)
@@ -287,12 +275,6 @@ def _add_only_clock(mapping: MappedColumns, pool: Iterable[Column]) -> None:
             clocks.append(column)
     if len(clocks) == 1:
         mapping.add(CHANNEL["time_s"], clocks[0], "s", ONLY_CLOCK, "stated")
-
-
-def _num_present(column_map: ColumnMap, pool: Iterable[Column]) -> int:
-    pool = tuple(pool)
-    labels = [*column_map.entries.items(), *((label, "") for label in column_map.refused)]
-    return sum(bool(columns_of(label, channel, pool)) for label, channel in labels)
 
 
 def _add_by_map(mapping: MappedColumns, column_map: ColumnMap, pool: Iterable[Column]) -> None:

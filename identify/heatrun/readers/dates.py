@@ -91,7 +91,8 @@ def read_dates(
             f"The dates, '{start}' to '{end}', may be {spans}; the file does not say which.",
             tuple(f"{name} [{FORMATS[one]}]" for one in left),
         )
-    note = f"read as {best} ({reason or why}), seconds from {start}"
+    shown = start.replace(f".{NO_YEAR} ", ". ")
+    note = f"read as {best} ({reason or why}), seconds from {shown}"
     day = _first_day(keys[row], best, read, why)
     minutes, rest = divmod(clock[row] + _zone_seconds(parts["zone"])[row], 60.0)
     hours, minutes = divmod(int(minutes), 60)

@@ -127,7 +127,10 @@ def read_whole_test(path: Path | str, motor: Motor) -> Record:
     if offset_s and not is_joined:
         said_by = f"load_offset in [tests.{record.name}] of the motor file"
         record = move_load(record, offset_s, said_by)
-    return _with_constants(record, motor)
+    channels, notes = derive(
+        record.channels, phases=motor.phases, losses=motor.losses, constants=motor.constants
+    )
+    return with_winding(replace(record, channels=channels, notes=(*record.notes, *notes)), motor)
 
 
 class _File(NamedTuple):
@@ -147,9 +150,8 @@ def _file(text: str) -> _File:
     found = None if _exists(text) else RATE.match(text)
     name, rate = (found["path"], found["rate"].strip()) if found else (text, None)
     sheet = None if _exists(name) else SHEET.match(name)
-    if sheet is None:
-        return _File(Path(name), None, rate)
-    return _File(Path(sheet["path"]), sheet["sheet"], rate)
+    name, of = (sheet["path"], sheet["sheet"]) if sheet else (name, None)
+    return _File(Path(name), of, rate)
 
 
 def files_of(path: Path | str) -> tuple[tuple[Path, str | None], ...]:
@@ -185,15 +187,6 @@ def _read_files(text: str, motor: Motor) -> tuple[Record, bool]:
         f"(95 % {low:.2f} … {high:.2f} s, {alignment.method})"
     )
     return replace(record, notes=(*record.notes, note)), True
-
-
-def _with_constants(record: Record, motor: Motor) -> Record:
-    """Return the record with the constants of the motor file, and what follows with them."""
-    channels, notes = derive(
-        record.channels, phases=motor.phases, losses=motor.losses, constants=motor.constants
-    )
-    held = replace(record, channels=channels, notes=(*record.notes, *notes))
-    return with_winding(held, motor)
 
 
 def _read(text: str, motor: Motor, *, is_part: bool = False) -> Record:

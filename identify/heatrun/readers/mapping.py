@@ -371,9 +371,7 @@ class MappedColumns:
 
 
 def _doubt_of_kind(channel: Channel, column: Column, symbol: str, where: str) -> Iterator[Finding]:
-    """Yield the finding about a current that is read as rms and called an amplitude, or the other
-    way round.
-    """
+    """Yield the finding about a current that is read as rms or amplitude and called the other."""
     said = next((one.at_start for one in column.beside if one.scope == "kind"), "")
     if channel.quantity == "phase current" and not symbol.endswith("_peak"):
         id, kind, other = "current_maybe_amplitude", "peak", "rms"
@@ -415,12 +413,7 @@ def _other_letter(channel: Channel, column: Column, known: Unit, where: str) -> 
         )
 
 
-KNOWN_BY = {
-    "stated": "stated",
-    "name": "the name",
-    "assumed": "ASSUMED",
-    "derived": "derived",
-}
+KNOWN_BY = {"stated": "stated", "name": "the name", "assumed": "ASSUMED", "derived": "derived"}
 """How a unit is known, in words."""
 
 HEAD = ("channel", "column", "unit", "unit known by", "column known by")

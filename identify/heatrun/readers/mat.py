@@ -451,9 +451,7 @@ def _joined(
 def _titles(
     variables: Mapping[str, Nested], found: Sequence[Leaf], length: int
 ) -> dict[str, tuple[str, list[str]]]:
-    """Return the matrix of as many columns as a cell of texts has elements, to name and elements
-    of that.
-    """
+    """Return matrices with as many columns as a cell has texts, to its name and the texts."""
     widths = {leaf.name: len(parts) for leaf in found if (parts := courses(leaf, length))}
     named = {}
     for name, cell in variables.items():

@@ -212,10 +212,7 @@ def _text(channel: Any, parts: object) -> str:
 def _refusal(channel: Any) -> tuple[str, str] | None:
     conversion = channel.conversion
     if conversion is None and channel.conversion_addr:  # the library would return raw values
-        return (
-            "The conversion of the channel is damaged.",
-            "Copy the file again from the bench.",
-        )
+        return ("The conversion of the channel is damaged.", "Copy the file again from the bench.")
     if conversion is None or conversion.conversion_type != FORMULA:
         return None
     return (

@@ -30,12 +30,7 @@ joined by straight lines in any case, see `heatrun.record.reduction`."""
 
 
 def read_measurement(
-    measurement: Measurement,
-    motor: Motor,
-    columns: Columns,
-    *,
-    where: str,
-    is_part: bool = False,
+    measurement: Measurement, motor: Motor, columns: Columns, *, where: str, is_part: bool = False
 ) -> tuple[Table, MappedColumns]:
     """Read the channels that a record needs, onto one time axis; arguments as `map_columns`.
 

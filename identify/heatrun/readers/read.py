@@ -275,9 +275,7 @@ def is_text_table(data: bytes, where: str) -> bool:
 def _time(
     mapped: MappedColumns, table: Table, rate_Hz: float | None, where: str, *, is_from_first: bool
 ) -> tuple[np.ndarray, float, tuple[str, ...], tuple[Finding, ...]]:
-    """Return the times from the first sample and its time in the file [s], the notes on them, and
-    what is missing.
-    """
+    """Return times from the first sample and its own [s], notes on them, and what is missing."""
     rows = table.sample_numbers
     measured = mapped.channels.get("time_s")
     found_by = next((one.found_by for one in mapped.readings if one.channel == "time_s"), "")

@@ -294,7 +294,9 @@ def read_parquet(data: bytes, where: str) -> Table:
         columns, variables, cells = [], [], {}
         by_column = _units_of_frame(table.schema)
         for field, chunks in zip(table.schema, table.columns, strict=True):
-            name = "time" if _is_unnamed_time(field) else field.name
+            # pandas' unnamed index of times
+            is_unnamed = _is_time(field.type) and field.name.startswith("__index_level_")
+            name = "time" if is_unnamed else field.name
             values, note = _values(chunks, field.type)
             if values is None:
                 texts[name] = f"{field.type}"
@@ -390,12 +392,10 @@ def _is_number(kind) -> bool:
     return any(getattr(types, f"is_{one}")(kind) for one in readable)
 
 
-def _is_unnamed_time(field) -> bool:
-    """Return whether a field is pandas' unnamed index and holds times."""
+def _is_time(kind) -> bool:
     from pyarrow import types
 
-    is_time = types.is_timestamp(field.type) or types.is_duration(field.type)
-    return is_time and field.name.startswith("__index_level_")
+    return types.is_timestamp(kind) or types.is_duration(kind)
 
 
 def _values(chunks, kind) -> tuple[np.ndarray | None, str]:
@@ -403,7 +403,7 @@ def _values(chunks, kind) -> tuple[np.ndarray | None, str]:
     import pyarrow
     from pyarrow import types
 
-    if types.is_timestamp(kind) or types.is_duration(kind):
+    if _is_time(kind):
         is_duration = types.is_duration(kind)
         to = pyarrow.duration("ns") if is_duration else pyarrow.timestamp("ns", kind.tz)
         whole = chunks.cast(to)

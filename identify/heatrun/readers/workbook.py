@@ -65,10 +65,7 @@ class Sheet:
 
 @contextlib.contextmanager
 def open_workbook(data: bytes, where: str) -> Iterator[tuple[Sheet, ...]]:
-    """Open a workbook for the time of the context.
-
-    Returns:
-        Its sheets in their order.
+    """Open a workbook for the time of the context, to its sheets in their order.
 
     Raises:
         InputError: If it is no workbook, damaged, or the library for it is missing.
@@ -198,8 +195,6 @@ def as_text(value: Any, epoch: datetime) -> str:
         return ""
     if isinstance(value, bool):
         return "true" if value else "false"
-    if isinstance(value, int):
-        return str(value)
     if isinstance(value, float):
         return _without_sign(value)
     if isinstance(value, datetime):
@@ -266,7 +261,10 @@ def read_excel(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
     table = _table(text, _at(where, sheet, sheets), hints)
     columns = tuple(_asked_with_sheet(column, sheet.name, hints) for column in table.columns)
     findings = (*table.findings, *_other_sheets(sheet, others, where))
-    notes = tuple(_readable(note) for note in table.notes)
+    notes = tuple(  # numbers and cells as a person writes them
+        " ".join(PLAIN.sub(lambda found: f"{float(found[0]):g}", note).split())
+        for note in table.notes
+    )
     reader = f"Excel, sheet '{sheet.name}'"
     return replace(table, columns=columns, findings=findings, notes=notes, reader=reader)
 
@@ -274,11 +272,6 @@ def read_excel(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
 def _table(text: str, where: str, hints: Hints) -> Table:
     # the mark in front settles the encoding
     return read_text(f"\ufeff{text}".encode(), where, hints, delimiters=("\t",))
-
-
-def _readable(note: str) -> str:
-    """Return a note with its numbers and cells as a person writes them."""
-    return " ".join(PLAIN.sub(lambda found: f"{float(found[0]):g}", note).split())
 
 
 def _at(where: str, sheet: Sheet, sheets: Sequence[Sheet]) -> str:

@@ -237,7 +237,21 @@ class Blocks:
         """
         from .observation import Observation
 
-        return Observation.of(self, heat, noise_scale)
+        alike = [1.0] * (1 + len(self.fitted))
+        return Observation(
+            inputs=self.inputs,
+            measured=np.nan_to_num(self.measured),
+            is_observed=self.is_observed,
+            weight=self.weight,
+            position=self.position,
+            count=np.asarray(self.count, dtype=float),
+            known_variance=self.known_variance,
+            block_s=np.asarray(self.block_s, dtype=float),
+            heat=np.zeros((self.measured.size, 0)) if heat is None else heat,
+            moments=self.moments,
+            noise_scale=np.asarray(alike if noise_scale is None else noise_scale, dtype=float),
+            fitted=self.fitted,
+        )
 
 
 def strongest(columns: Float[np.ndarray, "block column"], num: int) -> np.ndarray:

@@ -435,9 +435,7 @@ def _mean_without(names: Sequence[str], place: int) -> str:
 def _phase_differs(
     channel: str, names: Sequence[str], stacked: np.ndarray, time_s: np.ndarray, where: str
 ) -> Finding | None:
-    """Return the finding about a phase that reads less or more than the others agree on, from the
-    start or from a moment on.
-    """
+    """Return the finding about a phase that reads otherwise than the others agree on."""
     size = np.abs(stacked)
     largest = np.max(size, axis=0)
     flows = largest > FLOWS * np.quantile(largest, 0.99)
@@ -606,9 +604,7 @@ ARITHMETIC = re.compile(r"\s[-+*/\u2212\u00d7]\s|[*\u00d7]")
 
 
 def instead_of(claim: Claim) -> str:
-    """Return how to write what a line of `[columns]` asks for, where it is no column but looks like
-    a rate, a function or a formula; else an empty text.
-    """
+    """Return how to write what a line of `[columns]` asks for that is no column; or nothing."""
     text = claim.text
     if claim.channel == "time_s" and re.match(r"rate\b", text, re.IGNORECASE):
         return 'A rate is stated in hertz: time_s = "rate 10 Hz"; 30 a minute are "rate 0.5 Hz".'

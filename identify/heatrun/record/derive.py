@@ -147,14 +147,9 @@ def derive(
 ) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
     """Return the channels with constants and those that follow, and a note on each of these.
 
-    A channel that is there, or follows from measured ones, is never replaced by a constant.
-
-    Args:
-        channels: Canonical channels, shape (time,) each.
-        phases: Number of phases [1].
-        losses: Meaning of `losses_W`, as in `heatrun.record.motor.Motor`. A `"map"` is no balance
-            of powers, so nothing is derived for it.
-        constants: Value of a channel that is the same all the time, in its unit.
+    A channel, shape (time,), that is there, or follows from measured ones, is never replaced by a
+    constant in its unit. Losses from a `"map"` are no balance of powers: nothing is derived for
+    them.
     """
     found = dict(channels)
     notes = list(_add_derived(found, phases, losses))

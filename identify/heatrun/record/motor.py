@@ -79,13 +79,11 @@ class Certificate:
         """Return what the section would hold; it reads back to the same."""
         content = {key: value for key, value in asdict(self).items() if value}
         if self.instruments:
-            content["instruments"] = [_as_table(one) for one in self.instruments]
+            said = (
+                zip(INSTRUMENT_KEYS, asdict(one).values(), strict=True) for one in self.instruments
+            )
+            content["instruments"] = [{key: value for key, value in one if value} for one in said]
         return content
-
-
-def _as_table(instrument: Instrument) -> dict[str, str]:
-    values = dict(zip(INSTRUMENT_KEYS, asdict(instrument).values(), strict=True))
-    return {key: value for key, value in values.items() if value}
 
 
 @dataclass(frozen=True)

@@ -211,8 +211,10 @@ def kind_of_frames(text: str) -> str:
     """Return of what kind a log of frames is, empty for any other text."""
     filled = (line.strip() for line in text.splitlines()[: 5 * NUM_LINES])
     lines = list(itertools.islice((line for line in filled if line), NUM_LINES))
-    if any(_names_frames(line) for line in lines[:10]):
-        return "a table of frames"
+    for line in lines[:10]:
+        names = {re.sub(r"[^a-z0-9]", "", name.casefold()) for name in re.split(r"[,;\t|]", line)}
+        if len(names) > 2 and all(names & wanted for wanted in NAMES_OF_FRAMES):
+            return "a table of frames"
     if any(FIRST_LINES.match(line) for line in lines[:10]):
         return "a log of a bus analyser"
     frames = sum(CANDUMP.match(line) is not None for line in lines)
@@ -231,8 +233,3 @@ def _bytes_of(cells: Sequence[str]) -> Sequence[str]:
         if length and len(data) >= int(length[1]) > 1:
             return data[: int(length[1])]
     return ()
-
-
-def _names_frames(line: str) -> bool:
-    names = {re.sub(r"[^a-z0-9]", "", name.casefold()) for name in re.split(r"[,;\t|]", line)}
-    return len(names) > 2 and all(names & wanted for wanted in NAMES_OF_FRAMES)

@@ -189,10 +189,7 @@ class Layout:
 
 
 def find_layout(
-    text: str,
-    where: str,
-    stated_decimal: str | None = None,
-    delimiters: Sequence[str] = DELIMITERS,
+    text: str, where: str, stated_decimal: str | None = None, delimiters: Sequence[str] = DELIMITERS
 ) -> Layout:
     r"""Return the layout of a text with `\n` line ends.
 

@@ -18,6 +18,7 @@ from ...io.quantities import printable
 from ...io.toml_text import table_header
 from ...record.header import plain
 from ...record.record import Finding
+from ...record.stretch import runs
 from ...record.units import is_unit
 from .layout import Layout, first_word
 from .values import start_of_line
@@ -289,8 +290,7 @@ def _header_again(
     """
     found = np.zeros(ends.size, dtype=bool)
     first = _first_cells(body, ends, layout)
-    names = layout.header.encode()
-    starts = np.concatenate(([0], ends[:-1] + 1))
+    names, starts = layout.header.encode(), _starts(ends)
     position = body.find(names) if names else -1
     while position >= 0:
         line = int(np.searchsorted(ends, position))
@@ -365,17 +365,19 @@ def ragged_lines(lines: DataLines, layout: Layout, where: str) -> Iterator[Findi
 
 def _texts(body: bytes, ends: np.ndarray, ragged: np.ndarray) -> tuple[str, ...]:
     """Return the first ragged lines."""
-    first = np.flatnonzero(ragged)[:MOST_TEXTS]
-    starts = np.concatenate(([0], ends[:-1] + 1))
+    first, starts = np.flatnonzero(ragged)[:MOST_TEXTS], _starts(ends)
     return tuple(body[starts[line] : ends[line]].decode()[:LONGEST_TEXT] for line in first)
+
+
+def _starts(ends: np.ndarray) -> np.ndarray:
+    """Return where lines begin, by where they end."""
+    return np.concatenate(([0], ends[:-1] + 1))
 
 
 def _joined(body: bytes, ends: np.ndarray, good: np.ndarray) -> bytes:
     """Return the good lines, copied by runs of them."""
-    starts = np.concatenate(([0], ends[:-1] + 1))
-    change = np.flatnonzero(np.diff(good.astype(np.int8), prepend=0, append=0))
-    runs = change.reshape(-1, 2)  # first line of each run, first line behind it
-    return b"".join([body[starts[first] : ends[last - 1] + 1] for first, last in runs])
+    starts = _starts(ends)
+    return b"".join(body[starts[a] : ends[b - 1] + 1] for a, b in zip(*runs(good), strict=True))
 
 
 def _count_by_pieces(body: bytes, delimiter: str) -> tuple[np.ndarray, ...]:
@@ -400,21 +402,16 @@ def _count_by_pieces(body: bytes, delimiter: str) -> tuple[np.ndarray, ...]:
 def _count_cells(
     raw: np.ndarray, ends: np.ndarray, delimiter: str
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return for each line its number of cells (0 if a quote stays open), if all are empty, and
-    if nothing at all stands in it.
-    """
-    starts = np.concatenate(([0], ends[:-1] + 1))
+    """Return of each line its number of cells (0 with an open quote), if all or it are empty."""
+    starts = _starts(ends)
     gap = (raw == ord(" ")) | (raw == ord("\t")) | (raw == ord("\n"))
     solid = np.concatenate(([0], np.cumsum(~gap & (raw != ord(delimiter)), dtype=np.int64)))
-    is_empty = solid[ends] == solid[starts]
-    is_blank = is_empty
-    if delimiter != " ":
-        marked = np.concatenate(([0], np.cumsum(raw == ord(delimiter), dtype=np.int64)))
-        is_blank = is_empty & (marked[ends] == marked[starts])
+    is_empty = is_blank = solid[ends] == solid[starts]
     if delimiter == " ":
         marks = np.flatnonzero(~gap & np.concatenate(([True], gap[:-1])))
     else:
         marks = np.flatnonzero(raw == ord(delimiter))
+        is_blank = is_empty & (np.searchsorted(marks, ends) == np.searchsorted(marks, starts))
     quotes = np.flatnonzero(raw == ord('"'))
     quotes_before = np.searchsorted(quotes, starts)
     is_open = (np.searchsorted(quotes, ends) - quotes_before) % 2 == 1

@@ -52,11 +52,7 @@ class Hints:
 
 
 def hints_of(
-    columns: Columns | None,
-    decimal: Decimal | None = None,
-    *,
-    where: str,
-    sheet: str | None = None,
+    columns: Columns | None, decimal: Decimal | None = None, *, where: str, sheet: str | None = None
 ) -> Hints:
     """Return what the `[columns]` and `decimal` of a motor file say about reading.
 
@@ -143,11 +139,7 @@ EXACT: dict[str, Any] = (
 
 
 def read_text(
-    data: bytes,
-    where: str,
-    hints: Hints = NO_HINTS,
-    *,
-    delimiters: Sequence[str] = DELIMITERS,
+    data: bytes, where: str, hints: Hints = NO_HINTS, *, delimiters: Sequence[str] = DELIMITERS
 ) -> Table:
     """Read a text table.
 

@@ -31,7 +31,6 @@ from ..clock import (
 from ..dates import (
     DATE_TIME,
     DATE_TIME_CELL,
-    NO_YEAR,
     SHORT_FRACTION,
     is_worded_date,
     numbered_dates,
@@ -62,31 +61,25 @@ def signs_joined(text: str) -> str:
     return BETWEEN_BLANKS.sub(r"\1", text) if is_apart else text
 
 
-GROUPED = {
-    ".": r"[+-]?[0-9]{1,3}(?:,[0-9]{3})+(?:\.[0-9]+)?",
-    ",": r"[+-]?[0-9]{1,3}(?:\.[0-9]{3})+(?:,[0-9]+)?",
-}
+def _by_sign(pattern: str) -> dict[str, str]:
+    """Return a pattern by decimal sign {0}, with {1} for the other one."""
+    return {".": pattern.format(r"\.", ","), ",": pattern.format(",", r"\.")}
+
+
+GROUPED = _by_sign("[+-]?[0-9]{{1,3}}(?:{1}[0-9]{{3}})+(?:{0}[0-9]+)?")
 """Numbers with separators of thousands, by decimal sign: read as values only where the motor file
 states the decimal sign, but they show the layout."""
 
-SURELY_GROUPED = {
-    ".": r"[+-]?[0-9]{1,3}(?:(?:,[0-9]{3})+\.[0-9]+|(?:,[0-9]{3}){2,})",
-    ",": r"[+-]?[0-9]{1,3}(?:(?:\.[0-9]{3})+,[0-9]+|(?:\.[0-9]{3}){2,})",
-}
+SURELY_GROUPED = _by_sign(
+    "[+-]?[0-9]{{1,3}}(?:(?:{1}[0-9]{{3}})+{0}[0-9]+|(?:{1}[0-9]{{3}}){{2,}})"
+)
 """Those of them in which the sign can do nothing else: beside the decimal sign, or twice."""
 
-SPACED = {
-    sign: rf"[+-]?[0-9]{{1,3}}(?:[ \u00a0\u2009\u202f'’_][0-9]{{3}})+(?:{sign_pattern}[0-9]+)?"
-    for sign, sign_pattern in ((".", r"\."), (",", ","))
-}
+SPACES = "[ \u00a0\u2009\u202f'’_]"
+SPACED = _by_sign(f"[+-]?[0-9]{{{{1,3}}}}(?:{SPACES}[0-9]{{{{3}}}})+(?:{{0}}[0-9]+)?")
 """Numbers with separators of thousands that can be nothing else."""
 
-SPACES = "[ \u00a0\u2009\u202f'’_]"
-
-THOUSANDS_OR_DECIMALS = {
-    ".": r"[+-]?[1-9][0-9]{0,2}\.[0-9]{3}",
-    ",": r"[+-]?[1-9][0-9]{0,2},[0-9]{3}",
-}
+THOUSANDS_OR_DECIMALS = _by_sign("[+-]?[1-9][0-9]{{0,2}}{0}[0-9]{{3}}")
 """Numbers that are whole where the sign separates thousands, and are not where it is decimal."""
 
 SURELY_DECIMAL = (
@@ -374,12 +367,8 @@ def _read_dates(texts: pd.Series, name: str) -> Values | None:
     numbered, known_by = numbered_dates(texts)
     if not known_by and not texts.str.fullmatch(DATE_TIME).any():
         return None
-    column = _without_year(read_dates(numbered, name, known_by=known_by))
+    column = read_dates(numbered, name, known_by=known_by)
     return column if column.note else None
-
-
-def _without_year(column: Values) -> Values:
-    return replace(column, note=column.note.replace(f".{NO_YEAR} ", ". "))
 
 
 def counted_times(cells: pd.Series, numbers: np.ndarray) -> Values | None:
@@ -423,7 +412,7 @@ def _read_stated(texts: pd.Series, missing: np.ndarray, stated: TimeFormat, name
     if stated.order:
         numbered, known_by = numbered_dates(plain_clocks(texts))
         order = "year-month-day" if known_by else stated.order
-        column = _without_year(read_dates(numbered, name, order, known_by=known_by))
+        column = read_dates(numbered, name, order, known_by=known_by)
     else:
         column = read_stated(texts, stated)
     unreadable = ~missing & ~np.isfinite(column.numbers)
