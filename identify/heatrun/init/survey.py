@@ -97,11 +97,7 @@ class Survey:
 
 
 def survey(path: Path, sheet: str | None = None) -> Survey:
-    """Look at a file.
-
-    Args:
-        path: A bench file of any format that is read.
-        sheet: Sheet of a workbook; by default the one with the channels.
+    """Look at a bench file; of a workbook, at the sheet with the channels or the one that is named.
 
     Raises:
         InputError: If it cannot be read as a table of numbers, or heatrun itself has written it.

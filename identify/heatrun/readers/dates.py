@@ -47,11 +47,8 @@ def read_dates(
 ) -> Values:
     """Read dates with a time, in the one order of day, month and year that they allow.
 
-    Args:
-        cells: Texts without blanks around them, shape (time,).
-        name: Name of the column, for the answers to a question.
-        order: Key of `PLACES` that the header states, or empty.
-        known_by: Why the order is known beforehand, or empty.
+    Cells have no blanks around them, shape (time,); the name is for the answers to a question. The
+    header may state an order, a key of `PLACES`; `known_by` says why it is known beforehand.
     """
     parts = cells.str.extract(f"^{DATE_TIME}$")
     triples = parts[["first", "middle", "last"]]

@@ -60,11 +60,8 @@ def parts_of(
 ) -> tuple[Record, ...]:
     """Return the parts of a record that count, their gaps bridged where the load is known.
 
-    Args:
-        record: The whole.
-        motor: Its `[tests.NAME]` say which parts are used, and what is masked.
-        stretch: The part that is asked for in place of those.
-        at_gaps: Whether a gap of unknown load parts a record too.
+    They are those that `[tests.NAME]` use, or the stretch that is asked for in their place. At gaps
+    of unknown load a record is parted too, if that is wanted.
 
     Raises:
         InputError: If a part or a mask holds no sample, or a mask covers the first one.

@@ -121,12 +121,8 @@ class Attempts:
     ) -> T:
         """Return what a step gives, or what stands in for it where it failed.
 
-        Args:
-            step: What is done, as a noun: `"the search for missing effects"`.
-            do: Does it.
-            otherwise: What stands in.
-            where: The network or the figure that it is done for.
-            test: Name of the test, empty if it concerns none in particular.
+        The step is a noun, as `"the search for missing effects"`, done for a network or a figure,
+        and for a test or none in particular.
         """
         try:
             return do()

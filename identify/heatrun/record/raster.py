@@ -141,12 +141,9 @@ def at_own_rates(
 ) -> tuple[dict[str, np.ndarray], tuple[Finding, ...]]:
     """Return channels without empty cells where their own rate left these, and a note for each.
 
-    Rows that hold samples of slower inputs alone are dropped once these are interpolated.
-
-    Args:
-        channels: Canonical name to values, with `time_s`, NaN where empty, shape (time,).
-        where: The file, for messages.
-        is_by_tag: Each channel has times of its own, near to those of the others.
+    Rows that hold samples of slower inputs alone are dropped once these are interpolated. Channels,
+    with `time_s`, are NaN where empty, shape (time,); by tag, each has times of its own, near to
+    those of the others.
     """
     channels = _merged(channels)
     time_s = channels["time_s"]

@@ -342,10 +342,6 @@ def find_unit(spelling: str, quantity: str) -> Unit | None:
     Case is only ignored where it decides nothing: mW and MW stay apart, a prefix M is never read
     as m, whose unit it exceeds by nine orders, and short symbols are of one case but for their
     first letter ("KW", "Rpm", not "nM").
-
-    Args:
-        spelling: Unit as the file writes it, such as `"°C"`.
-        quantity: Key of `QUANTITIES`.
     """
     if len(spelling) > LONGEST_UNIT:
         return None
@@ -413,13 +409,7 @@ def closest_unit(
 
 
 def require_unit(spelling: str, quantity: str, *, where: str, remedy: str = "") -> Unit:
-    """Return the unit that a spelling stands for.
-
-    Args:
-        spelling: Unit as the file writes it.
-        quantity: Key of `QUANTITIES`.
-        where: File and column, for the message.
-        remedy: What to do, put behind the accepted units; by default how to write a unit.
+    """Return the unit that a spelling stands for; the remedy is put behind the accepted units.
 
     Raises:
         InputError: If the unit is refused, belongs to another quantity or is not known; with the

@@ -193,11 +193,7 @@ def find_layout(
 ) -> Layout:
     r"""Return the layout of a text with `\n` line ends.
 
-    Args:
-        text: The whole text.
-        where: The file, for messages.
-        stated_decimal: Decimal sign that the motor file states, or None.
-        delimiters: Those of `DELIMITERS` that come into question.
+    The motor file may state the decimal sign; of `DELIMITERS` those are given that may be it.
 
     Raises:
         InputError: If there is no table of numbers, only one column, no header or no data.

@@ -141,18 +141,11 @@ EXACT: dict[str, Any] = (
 def read_text(
     data: bytes, where: str, hints: Hints = NO_HINTS, *, delimiters: Sequence[str] = DELIMITERS
 ) -> Table:
-    """Read a text table.
+    """Read a text table, its columns under their names in the file.
 
-    Args:
-        data: The bytes of the file.
-        where: The file, for messages.
-        hints: What the motor file says about reading.
-        delimiters: What may stand between the cells.
-
-    Returns:
-        The columns under their names in the file. Cells that are no numbers are NaN and lines
-        with another number of cells are left out, both with a finding. Clock times and dates are
-        seconds; where the file leaves open which, the column carries the question.
+    Cells that are no numbers are NaN and lines with another number of cells are left out, both with
+    a finding. Clock times and dates are seconds; where the file leaves open which, the column
+    carries the question. The delimiters are what may stand between the cells.
 
     Raises:
         InputError: If the file holds no table with a header and at least one line of numbers.
