@@ -125,11 +125,9 @@ def _decays(
 
 
 def settling_constants(record: Record, motor: Motor) -> float:
-    """Return how many slow time constants the longest stretch of steady load lasts.
+    """Return how many slow time constants the longest stretch of steady load lasts [1].
 
-    Returns:
-        Length of the stretch over the time constant in it [1]; inf where it has settled, 0 where
-        there is no such stretch.
+    It is inf where it has settled, 0 where there is no such stretch.
     """
     channels = ["winding_degC", sink_channel(motor), "losses_W"]
     channels += ["phase_current_A"] * ("phase_current_A" in record)

@@ -199,14 +199,12 @@ def _doubt(fit: QuickFit, inside: np.ndarray) -> float:
 
 
 def hidden_above_top(record: Record, motor: Motor) -> float:
-    """Return how far a rounded winding temperature is cut off at its highest reading.
+    """Return how far a rounded winding temperature is cut off at its highest reading [K].
 
     The network is fitted to all but the samples at the highest reading, and tells how far they
     should have gone beyond it. Where a steady load ends in them, the rest leaves the plateau open:
-    nothing is cut off of what a network fitted to all describes as well.
-
-    Returns:
-        Hidden temperature [K]; 0 where no more than rounding and the network's own doubt explain.
+    nothing is cut off of what a network fitted to all describes as well, nor where rounding and the
+    network's own doubt explain it.
     """
     time_s, winding = samples(record, "winding_degC")
     step = rounding_step(winding)

@@ -143,10 +143,9 @@ OF_GROUPS = (
 def read_mat(data: bytes, where: str) -> Table:
     """Read a MAT file of versions 5 to 7.
 
-    Returns:
-        Numeric vectors of one common length as columns, also those in structs
-        (`log.winding_degC`) and cells, and the columns of matrices (`T(:,2)`); scalars as
-        constants. What is neither (timeseries and other objects) is left out with a finding.
+    Numeric vectors of one common length are columns, also those in structs (`log.winding_degC`) and
+    cells, and the columns of matrices (`T(:,2)`); scalars are constants. What is neither
+    (timeseries and other objects) is left out with a finding.
 
     Raises:
         InputError: If the file is damaged, of another version or holds no numeric vector.
@@ -174,9 +173,8 @@ def _plain(value: Value) -> Nested:
 def read_hdf5(data: bytes, where: str) -> Table:
     """Read a MAT file of version 7.3, or another HDF5 file with vectors in it or in its groups.
 
-    Returns:
-        As `read_mat`; units, scaling and marks of missing values that stand as attributes beside
-        the numbers are followed, also those of netCDF 4.
+    Units, scaling and marks of missing values that stand as attributes beside the numbers are
+    followed, also those of netCDF 4.
 
     Raises:
         InputError: As `read_mat`.
@@ -494,10 +492,7 @@ CLASSIC = "a classic netCDF file"
 
 
 def read_netcdf3(data: bytes, where: str) -> Table:
-    """Read a classic netCDF file.
-
-    Returns:
-        As `heatrun.readers.mat.read_hdf5`.
+    """Read a classic netCDF file; as `read_hdf5`.
 
     Raises:
         InputError: If the file is damaged or holds no numeric vector.

@@ -279,11 +279,9 @@ NANOSECONDS = 1e-9
 def read_parquet(data: bytes, where: str) -> Table:
     """Read a Parquet table.
 
-    Returns:
-        Numbers and truth values as columns, timestamps in seconds from the first one, durations
-        in seconds; an index that pandas stored is a column like the others. Units and
-        scaling that the metadata of a field state are followed, as those of the
-        other variables here.
+    Numbers and truth values are columns, timestamps seconds from the first one, durations seconds;
+    an index that pandas stored is a column like the others. Units and scaling that the metadata of
+    a field state are followed, as those of the other variables here.
 
     Raises:
         InputError: If pyarrow is not installed, the file is damaged or holds no numbers.

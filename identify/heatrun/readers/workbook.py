@@ -238,11 +238,8 @@ def read_excel(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
     """Read a sheet of a workbook, .xlsx or .xlsm.
 
     The sheet is the one that the test names (`FILE.xlsx#SHEET`) or that `[columns]` names
-    (`"SHEET/COLUMN"`), else the one with the most channels that a fit needs.
-
-    Returns:
-        As `heatrun.readers.text.reader.read_text`; formulas with the values that the
-        workbook keeps, dates and times in seconds.
+    (`"SHEET/COLUMN"`), else the one with the most channels that a fit needs. It is read as a text
+    table, formulas with the values that the workbook keeps, dates and times in seconds.
 
     Raises:
         InputError: If the workbook is damaged, has no such sheet, no sheet or several with a test,

@@ -180,9 +180,7 @@ def constants_of(notes: Iterable[str]) -> frozenset[str]:
 def formulas(channels: Channels, given: Collection[str]) -> dict[str, str]:
     """Return the formula of each channel that was derived, in the order of preference.
 
-    Args:
-        channels: Of a record.
-        given: Those of them that were columns of a file, or constants.
+    Given are those that were columns of a file, or constants.
     """
     found: dict[str, str] = {}
     have = {name: channels[name] for name in given if name in channels}

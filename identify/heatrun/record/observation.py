@@ -48,9 +48,6 @@ class Observation(eqx.Module):
 
         The inputs are held there, so that an early reading sees past the end of the last block;
         columns of `moments` are filled up likewise, with zeros, which do nothing.
-
-        Args:
-            is_seldom: As `length_class`.
         """
         num, per_block = self.weight.shape[0] // self.num_sensors, self.weight.shape[1]
         whole = length_class(num, is_seldom=is_seldom)

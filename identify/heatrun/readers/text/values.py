@@ -374,9 +374,7 @@ def _read_dates(texts: pd.Series, name: str) -> Values | None:
 def counted_times(cells: pd.Series, numbers: np.ndarray) -> Values | None:
     """Return times in counts since a year, None if not all numbers are such; no unit says them.
 
-    Args:
-        cells: As the file holds them, whole numbers where it can.
-        numbers: The same as float64, NaN where there is none, shape (time,).
+    Cells are as the file holds them, whole if it can; numbers the same as float64, shape (time,).
     """
     known = np.isfinite(numbers)
     for said, (epoch, low, high, per_second) in TICKS.items():
