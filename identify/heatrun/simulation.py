@@ -24,13 +24,12 @@ from .model.network_text import network_named
 from .model.parameters import effect_names
 from .posterior.driven import reduce_driven, refuse_coarse_steps, refuse_runaway, virtual_record
 from .posterior.predict import Prediction, of_test, predict
-from .readers.channel_map import require
 from .readers.joined import read_test
 from .readers.read import read_raw, read_record
 from .record.blocks import Blocks
 from .record.motor import Motor, ParameterOverride
 from .record.record import Record
-from .record.samples import needed_channels
+from .record.samples import needed_channels, require
 from .runs.run import open_run
 
 if TYPE_CHECKING:

@@ -138,7 +138,7 @@ def test_what_cannot_be_reduced_is_said(motor):
     backwards[500] = 0.0
     with pytest.raises(InputError, match="time must increase"):
         reduce(record(backwards), motor)
-    with pytest.raises(InputError, match="coolant_degC is missing"):
+    with pytest.raises(InputError, match="Missing: coolant_degC"):
         reduce(record(time), Motor("cooled", sink="coolant"))
 
 

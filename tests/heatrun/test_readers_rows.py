@@ -15,7 +15,7 @@ from heatrun.errors import InputError
 from heatrun.init.survey import survey
 from heatrun.readers.read import read_raw, read_record
 from heatrun.record.motor import Motor
-from heatrun.record.raster import means_around, raster, require_increasing
+from heatrun.record.raster import at_own_rates, means_around, raster, require_increasing
 
 N = 7200
 RATE = Motor("M", columns={"time_s": "rate 1 Hz"})
@@ -255,6 +255,14 @@ def test_a_channel_of_its_own_rate_is_no_gap(tmp_path, member, ending):
     found = check_record(record, COIL)
     assert not [finding for finding in found if finding.severity == "error"]
     assert "nan_block" not in {one.id for one in found if one.values.get("num_missing", 0) > 10}
+
+
+def test_what_is_joined_is_told_in_the_order_of_the_columns():
+    every_third = np.where(np.arange(300) % 3, np.nan, 1.0)
+    names = ["losses_W", "torque_Nm", "ambient_degC", "speed_rpm", "phase_current_A", "fan"]
+    channels = {"time_s": np.arange(300.0), "winding_degC": np.ones(300)}
+    _, findings = at_own_rates(channels | dict.fromkeys(names, every_third), "a.csv")
+    assert [one.where for one in findings] == [f"a.csv, {name}" for name in names]
 
 
 def test_rows_of_one_stamp_are_one_sample(tmp_path):

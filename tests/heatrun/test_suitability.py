@@ -15,10 +15,11 @@ from mdf_files import signal, written
 from heatrun import cli
 from heatrun.checks.suitability import as_holdout, suitability
 from heatrun.errors import InputError
-from heatrun.readers.channel_map import require
 from heatrun.readers.read import read_record
+from heatrun.record.channels import REQUIRED
 from heatrun.record.motor import Motor
 from heatrun.record.record import Finding
+from heatrun.record.samples import require
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 AIM = "a second-order calibration"
@@ -352,7 +353,7 @@ def test_a_time_column_without_times_is_refused(tmp_path):
 def test_what_a_fit_needs_is_named(tmp_path):
     record = read_record(write(tmp_path, "time_s,winding_degC,Pv", "0,20,1", "1,21,2"))
     with pytest.raises(InputError, match="Missing: phase_current_A") as caught:
-        require(record)
+        require(record, REQUIRED)
     assert "not used: Pv" in caught.value.problem
     assert '[columns] phase_current_A = "COLUMN [A]"' in caught.value.remedy
     require(record, ["time_s", "winding_degC"])
@@ -361,7 +362,7 @@ def test_what_a_fit_needs_is_named(tmp_path):
 @needs_bench
 def test_measured_car_motor():
     record = read_record(BENCH / "paderborn_profile24_heatrun_2p5s.csv.gz")
-    require(record)
+    require(record, REQUIRED)
     assert record.name == "paderborn_profile24_heatrun_2p5s"
     assert record.unused == ()
     assert record.time_s.size == 3003

@@ -22,7 +22,7 @@ from heatrun.io.texts import FIELD, LANGUAGES, SENTENCES, Texts, table
 from heatrun.model.network_text import SHIPPED, network_named
 from heatrun.motor.file import load_motor
 from heatrun.readers.joined import read_test
-from heatrun.record.findings import FINDINGS
+from heatrun.record.findings import meanings
 from heatrun.record.motor import Certificate, Motor
 from heatrun.record.record import Finding, Record
 from heatrun.reports import discovery
@@ -249,7 +249,7 @@ def _odd_records():
 def test_meanings_and_names_of_the_networks_and_effects_are_in_the_table():
     forms = [network_named(name) for name in SHIPPED]
     stated = [*USES.values(), *DOUBTS.values(), *(form.title for form in forms)]
-    stated += [kind.meaning for kind in FINDINGS.values()]
+    stated += meanings().values()
     stated += [p.meaning for form in forms for p in form.parameters]
     stated += [q.meaning for kind in EFFECTS for q in kind.card.parameters.values()]
     stated += [kind.card.separating_test for kind in EFFECTS]

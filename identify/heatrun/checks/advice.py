@@ -87,10 +87,9 @@ def section_of(record: Record) -> str:
 
 def exchange_line(record: Record, one: str, other: str) -> str:
     """Return what to write where two channels have each other's columns."""
-    columns = {each.channel: each.column for each in record.mapping}
     return (
-        f'Write {one} = "{columns.get(other, other)}" and {other} = "{columns.get(one, one)}" '
-        "under [columns]."
+        f'Write {one} = "{record.column_of(other, other)}" and '
+        f'{other} = "{record.column_of(one, one)}" under [columns].'
     )
 
 

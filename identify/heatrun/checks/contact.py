@@ -122,13 +122,8 @@ def _misfits_K(
 ) -> tuple[Float[np.ndarray, " try"], tuple[float, float]]:
     """Fit two nodes to each of several readings in place of a course's own, on one grid.
 
-    Args:
-        course: The heat, and the sink.
-        windings_degC: The readings.
-        near_s: Fast and slow time constant about which the grid lies; None for all of them.
-
-    Returns:
-        What is left of each, rms [K], and the time constants [s] of the one with the least.
+    It lies near a fast and a slow time constant, if they are given. Returned is what is left of
+    each, rms [K], and the time constants [s] of the one with the least.
     """
     first_s = np.array([course.step_s, 4.0 * course.step_s])
     last_s = np.array([0.3, 4.0]) * course.duration_s

@@ -126,11 +126,9 @@ def _decays(
 
 
 def settling_constants(record: Record, motor: Motor) -> float:
-    """Return how many slow time constants the longest stretch of steady load lasts.
+    """Return how many slow time constants the longest stretch of steady load lasts [1].
 
-    Returns:
-        Length of the stretch over the time constant in it [1]; inf where it has settled, 0 where
-        there is no such stretch.
+    It is inf where it has settled, 0 where there is no such stretch.
     """
     channels = ["winding_degC", sink_channel(motor), "losses_W"]
     channels += ["phase_current_A"] * ("phase_current_A" in record)
@@ -181,9 +179,7 @@ of."""
 
 
 def warming(record: Record) -> tuple[float, float]:
-    """Return by how much the winding warms at most, and how much that must be to be a heating
-    [K].
-    """
+    """Return by how much the winding warms at most [K], and how much a heating must [K]."""
     time_s, winding = samples(record, "winding_degC")
     return _rise(winding, _means(time_s, winding)[1])
 
@@ -197,20 +193,27 @@ def _rise(winding: np.ndarray, means: np.ndarray) -> tuple[float, float]:
 def _means(time_s: np.ndarray, winding: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the times [s] and values [degC] of the means over which a rise counts."""
     width_s = max(10.0, float(np.ptp(time_s)) / 200.0) if time_s.size else 10.0
-    means_s, means, *_ = block_means(time_s, width_s, winding)
+    means_s, means = block_means(time_s, width_s, winding)
     return means_s, means
 
 
 def no_heating(record: Record, motor: Motor) -> Iterator[Finding]:
-    """Report a winding that never warms: an error, or a warning where the test is a cooling
-    curve.
-    """
+    """Report a winding that never warms: an error, or of a cooling curve a warning."""
     time_s, winding = samples(record, "winding_degC")
     if time_s.size < 3:
         return
     means_s, means = _means(time_s, winding)
     if means_s.size < 2:
-        yield _no_time(record, time_s)
+        lasts_s = float(np.ptp(time_s))
+        yield Finding(
+            "no_heating",
+            "error",
+            f"Expected a test of minutes; this one lasts {lasts_s:.0f} s, too short for a winding "
+            "to show a thermal parameter.",
+            place(record, "winding_degC", float(time_s[0]), float(time_s[-1])),
+            "Record the whole heat run, or the cooling until it settles.",
+            values={"duration_s": lasts_s},
+        )
         return
     rise, limit = _rise(winding, means)
     fall = float(np.max(np.maximum.accumulate(means) - means))
@@ -254,20 +257,6 @@ def _steady(record: Record, motor: Motor) -> str:
     return (
         f" What it says is the rise of a steady load: {excess:.1f} K at {rounded(watts)} W, "
         f"{rounded(excess / watts)} K/W from the winding to {sink_channel(motor)}."
-    )
-
-
-def _no_time(record: Record, time_s: np.ndarray) -> Finding:
-    """Return the finding on a test in which no winding has time to show anything."""
-    lasts_s = float(np.ptp(time_s))
-    return Finding(
-        "no_heating",
-        "error",
-        f"Expected a test of minutes; this one lasts {lasts_s:.0f} s, too short for a winding to "
-        "show a thermal parameter.",
-        place(record, "winding_degC", float(time_s[0]), float(time_s[-1])),
-        "Record the whole heat run, or the cooling until it settles.",
-        values={"duration_s": lasts_s},
     )
 
 
@@ -331,11 +320,7 @@ def start_not_in_equilibrium(record: Record, motor: Motor) -> Iterator[Finding]:
         f"{meaning}",
         place(record, "winding_degC", float(time_s[0]), float(time_s[lead - 1])),
         remedy,
-        values={
-            "excess_K": excess,
-            "drift_K": drift,
-            "lead_s": rested_s,
-        },
+        values={"excess_K": excess, "drift_K": drift, "lead_s": rested_s},
     )
 
 
@@ -391,9 +376,8 @@ def ambient_moving(record: Record, motor: Motor) -> Iterator[Finding]:
         return
     means_s, means = block_means(time_s, max(60.0, duration_s / 100.0), sink)
     travel = float(np.ptp(means))
-    slope = (
-        float(np.polyfit((means_s - means_s[0]) / 3600.0, means, 1)[0]) if means.size > 2 else 0.0
-    )
+    hours = (means_s - means_s[0]) / 3600.0
+    slope = float(np.polyfit(hours, means, 1)[0]) if means.size > 2 else 0.0
     drift = slope * duration_s / 3600.0
     step = rounding_step(sink) or 0.0
     drifts = abs(slope) > DRIFT_K_PER_H and abs(drift) > MIN_DRIFT_K + step

@@ -135,6 +135,8 @@ def too_short(record: Record, motor: Motor) -> Iterator[Finding]:
     is_short = constants < FEW_CONSTANTS or fit.log_sd > UNKNOWN_LOG_SD or is_open
     if constants >= ENOUGH_CONSTANTS and not is_short:
         return
+    open_to = {"fast_from_s": fast_s, "fast_to_s": fit.tau_s if is_one else fast_s}
+    open_to = open_to if is_open else {}
     lasts = f"{(to_s - from_s) / 60.0:.0f} min"
     if constants >= ENOUGH_CONSTANTS or is_open:
         between = f"from {low:.0f} s on" if is_one else f"between {low:.0f} and {high:.0f} s"
@@ -165,12 +167,8 @@ def too_short(record: Record, motor: Motor) -> Iterator[Finding]:
             "time_constants": constants,
             "tau_s": fit.tau_s,
             "tau_log_sd": fit.log_sd,
-            **(
-                {"fast_from_s": fast_s, "fast_to_s": fit.tau_s if is_one else fast_s}
-                if is_open
-                else {}
-            ),
-        },
+        }
+        | open_to,
     )
 
 

@@ -29,13 +29,7 @@ from ..record.derive import ELECTRICAL, SHAFT, shaft_power
 from ..record.motor import Motor
 from ..record.record import Record
 from ..record.samples import block_means, integral, samples
-from .losses import (
-    COPPER_TOLERANCE,
-    FIRM_TOLERANCE,
-    copper_shares,
-    shaft_explains,
-    share_in_words,
-)
+from .losses import COPPER_TOLERANCE, FIRM_TOLERANCE, copper_shares, shaft_explains, share_in_words
 from .quick_fit import course_of, quick_fit
 
 BLOCKS = 300
@@ -241,10 +235,7 @@ SPEED_OVER_WHEEL = Limits(0.5, 0.8, 1.2, 1.5)
 def figures(record: Record, motor: Motor, cooled_by: str = "") -> Iterator[Figure]:
     """Yield every figure that a record gives, the time scale, which takes a fit, last.
 
-    Args:
-        record: Any record.
-        motor: The machine under test.
-        cooled_by: Judge it as if this cooled it: "ambient", "coolant", or "wash" of a propeller.
+    It is judged as if "ambient", "coolant", or the "wash" of a propeller cooled it, if given.
     """
     yield from _length(record)
     yield from _copper(record, motor)

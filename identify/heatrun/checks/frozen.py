@@ -133,8 +133,10 @@ def frozen_stretches(record: Record, motor: Motor) -> Iterator[Stretch]:
             continue
         from_s, to_s = float(time_s[a]), float(time_s[b])
         hidden_K = MOVED_STEPS * max(step or 0.0, under_K)
-        if under_K and whole is not None and _moves_K(whole, from_s, to_s) <= hidden_K:
-            continue
+        if under_K and whole is not None:
+            moves = whole.fitted_degC[within(whole.time_s, [(from_s, to_s)])]
+            if moves.size == 0 or np.ptp(moves) <= hidden_K:
+                continue
         lowest, expected, doubt, has_moved = np.inf, 0.0, 0.0, False
         fit = quick_fit(record, motor, left_out_s=[(from_s, to_s)])
         if fit is not None and (inside := within(fit.time_s, [(from_s, to_s)])).any():
@@ -146,11 +148,6 @@ def frozen_stretches(record: Record, motor: Motor) -> Iterator[Stretch]:
         if is_told or has_moved:
             reading = float(np.median(winding[a : b + 1]))
             yield Stretch(from_s, to_s, reading, expected, doubt, lowest, is_told, under_K)
-
-
-def _moves_K(fit: QuickFit, from_s: float, to_s: float) -> float:
-    inside = within(fit.time_s, [(from_s, to_s)])
-    return float(np.ptp(fit.fitted_degC[inside])) if inside.any() else 0.0
 
 
 def _under_noise(time_s: np.ndarray, winding: np.ndarray) -> list[tuple[int, int, float]]:
@@ -201,14 +198,12 @@ def _doubt(fit: QuickFit, inside: np.ndarray) -> float:
 
 
 def hidden_above_top(record: Record, motor: Motor) -> float:
-    """Return how far a rounded winding temperature is cut off at its highest reading.
+    """Return how far a rounded winding temperature is cut off at its highest reading [K].
 
     The network is fitted to all but the samples at the highest reading, and tells how far they
     should have gone beyond it. Where a steady load ends in them, the rest leaves the plateau open:
-    nothing is cut off of what a network fitted to all describes as well.
-
-    Returns:
-        Hidden temperature [K]; 0 where no more than rounding and the network's own doubt explain.
+    nothing is cut off of what a network fitted to all describes as well, nor where rounding and the
+    network's own doubt explain it.
     """
     time_s, winding = samples(record, "winding_degC")
     step = rounding_step(winding)
@@ -221,10 +216,9 @@ def hidden_above_top(record: Record, motor: Motor) -> float:
     # most tops last less than a block, and no fit tells of them
     if course is None or not (inside := within(course.time_s, spans)).any():
         return 0.0
-    if (fit := fit_of(course)) is None:
-        return 0.0
-    hidden = float(np.max(fit.fitted_degC[inside])) - top
-    if hidden <= MOVED_STEPS * step + _doubt(fit, inside):
+    fit = fit_of(course)
+    hidden = -np.inf if fit is None else float(np.max(fit.fitted_degC[inside])) - top
+    if fit is None or hidden <= MOVED_STEPS * step + _doubt(fit, inside):
         return 0.0
     return 0.0 if _is_as_well(quick_fit(record, motor), fit) else hidden
 
@@ -275,11 +269,8 @@ def sensor_stuck(record: Record, _: Motor, looked: Looked) -> Iterator[Finding]:
     for stretch in looked.stretches:
         lasts_s = stretch.to_s - stretch.from_s
         line = mask_line(record, [(stretch.from_s, stretch.to_s)])
-        is_harmful = (
-            lasts_s > MAX_GAP_S
-            or lasts_s > MAX_GAP_SHARE * (time_s[-1] - time_s[0])
-            or stretch.expected_K - stretch.doubt_K > HARMFUL_K
-        )
+        is_harmful = lasts_s > min(MAX_GAP_S, MAX_GAP_SHARE * (time_s[-1] - time_s[0]))
+        is_harmful |= stretch.expected_K - stretch.doubt_K > HARMFUL_K
         expected = (
             "its last digit changes elsewhere in the test"
             if stretch.is_live

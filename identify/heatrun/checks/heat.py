@@ -126,7 +126,6 @@ def losses_of_dc_link(record: Record, motor: Motor) -> Iterator[Finding]:
             values={"ratio": float(np.median(ratio))},
         )
         return
-    return
 
 
 LARGEST_W, SMALLEST_W = 2e6, 1e-3
@@ -145,9 +144,8 @@ def losses_absurd(record: Record, motor: Motor) -> Iterator[Finding]:
 
     An error; a warning where the motor file decides the unit, so that a giant can be measured too.
     """
-    time_s, losses, winding, sink = samples(
-        record, "losses_W", "winding_degC", sink_channel(motor)
-    )  # fmt: skip
+    names = ("losses_W", "winding_degC", sink_channel(motor))
+    time_s, losses, winding, sink = samples(record, *names)
     if time_s.size == 0:
         return
     time_s, losses, rise = block_means(time_s, BLOCK_S, losses, winding - sink)
@@ -168,12 +166,9 @@ def losses_absurd(record: Record, motor: Motor) -> Iterator[Finding]:
     is_large = largest > LARGEST_W or per_K > LARGEST_W_PER_K
     if not is_large and not is_small:
         return
-    reading = next((one for one in record.mapping if one.channel == "losses_W"), None)
-    shown = (
-        f"{rounded(largest)} W, {rounded(per_K)} W for each kelvin of rise"
-        if per_K
-        else f"{rounded(largest)} W"
-    )
+    reading = record.read_of("losses_W")
+    shown = f"{rounded(largest)} W"
+    shown += f", {rounded(per_K)} W for each kelvin of rise" if per_K else ""
     yield Finding(
         "losses_absurd",
         "warning" if "losses_W" in record.decided else "error",

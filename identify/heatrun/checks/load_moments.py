@@ -128,16 +128,9 @@ def load_late(record: Record, motor: Motor) -> Iterator[Finding]:
 def with_load_moments(blocks: Blocks, record: Record, motor: Motor) -> Blocks:
     """Return a reduced record that knows what its logger leaves open about the load.
 
-    For records that are fitted: it looks at all readings of the winding.
-
-    Args:
-        blocks: The record, reduced.
-        record: The record.
-        motor: Says what the losses are, and the phase resistance.
-
-    Returns:
-        `blocks` as they are where the load is sampled at less than `SLOW_LOGGER_S`, where copper
-        and other losses cannot be told apart, or where no quick fit describes the record.
+    For records that are fitted: it looks at all readings of the winding. The blocks stay as they
+    are where the load is sampled at less than `SLOW_LOGGER_S`, where copper and other losses cannot
+    be told apart, or where no quick fit describes the record.
     """
     time_s, current, losses, winding = samples(
         record, "phase_current_A", "losses_W", "winding_degC"

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..io.quantities import rounded
-from ..record.channels import CHANNEL
+from ..record.channels import CHANNEL, OF_LOAD
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 from ..record.samples import channel_of, is_measured, place, runs, samples
@@ -20,9 +20,6 @@ from ..record.stretch import bridge, windows, within
 from ..record.units import find_unit
 from .advice import Remedy, widened
 from .quick_fit import quick_fit
-
-QUANTITIES = ("phase current", "dq current", "direct current", "power", "torque", "speed",
-              "voltage")  # fmt: skip
 
 BITS = (10, 12, 14, 15, 16, 23, 24, 31, 32)
 SCALES = (1.0, 10.0, 100.0, 1000.0)
@@ -66,7 +63,7 @@ def of_the_load(record: Record) -> list[str]:
     return [
         name
         for name in record.channels
-        if name in read and name in CHANNEL and CHANNEL[name].quantity in QUANTITIES
+        if name in read and name in CHANNEL and CHANNEL[name].quantity in OF_LOAD
     ]
 
 

@@ -79,11 +79,9 @@ def _copper_and_total(record: Record, motor: Motor) -> tuple[np.ndarray, ...]:
 
 
 def copper_shares(record: Record, motor: Motor) -> tuple[np.ndarray, np.ndarray]:
-    """Return the share of the copper loss in the total, block by block while current flows.
+    """Return times [s] of blocks under current and copper's share in them [1], shape (blocks,).
 
-    Returns:
-        Times [s] and shares [1], shape (blocks,), infinite where the total is zero or less; empty
-        without a balance or a resistance.
+    Infinite where the total is zero or less; empty without a balance or a resistance.
     """
     time_s, copper, total = _copper_and_total(record, motor)
     flows = is_loaded(copper)
@@ -285,7 +283,7 @@ def losses_of_shaft(record: Record, motor: Motor) -> Iterator[Finding]:
         yield _off_scale(record, excess)
         return
     shaft = recorded_shaft_power(record.channels) if motor.losses == "balance" else None
-    reading = next((one for one in record.mapping if one.channel == "losses_W"), None)
+    reading = record.read_of("losses_W")
     if reading is None or reading.unit_from == "derived":
         return
     line = f'"{reading.column}" under [columns]'

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..record.channels import BODIES
+from ..record.channels import READINGS
 from ..record.derive import ELECTRICAL
 from ..record.motor import Motor
 from ..record.raster import between_samples
@@ -50,9 +50,7 @@ REMEDY = {
 
 
 def missing_channel(record: Record, motor: Motor) -> Iterator[Finding]:
-    """Report each channel that a fit needs and the record does not have, or has at another
-    length.
-    """
+    """Report each channel that a fit needs and the record lacks, or has at another length."""
     for channel in needed_channels(record, motor):
         if channel not in record:
             have = ", ".join(record.channels) or "none"
@@ -122,9 +120,9 @@ def nan_block(record: Record, motor: Motor) -> Iterator[Finding]:
     for channel, column in record.channels.items():
         values = np.asarray(column, dtype=float)
         missing = ~is_measured(values)
-        is_reading = channel == "winding_degC" or channel in BODIES
+        is_reading = channel in READINGS
         if is_reading:
-            missing &= ~masked(record) & ~between_samples(np.asarray(column, dtype=float))
+            missing &= ~masked(record) & ~between_samples(values)
         first, past = runs(missing)
         if first.size == 0:
             continue
@@ -134,15 +132,16 @@ def nan_block(record: Record, motor: Motor) -> Iterator[Finding]:
         duration_s = longest * step_s
         share = float(lengths.sum() / len(column))
         is_isolated = longest < ISOLATED_SAMPLES or duration_s < BLOCK_S
-        overrange = _overrange(values[missing])
-        severity: Severity
-        if channel not in needed:
-            severity, kind = "note", "unneeded"
-        elif is_isolated and (is_reading or share <= MAX_MISSING_SHARE):
-            is_doubtful = overrange or share > MAX_MISSING_SHARE
-            severity, kind = "warning" if is_doubtful else "note", "isolated"
-        else:
+        beyond, overrange = values[missing & np.isfinite(values)], ""
+        if beyond.size:  # what an analyser writes beyond its range
+            overrange = f" {beyond.size} read {beyond[0]:.2g}: the overrange or the error of an "
+            overrange += "instrument."
+        severity: Severity = "note"
+        kind = "isolated" if channel in needed else "unneeded"
+        if channel in needed and not (is_isolated and (is_reading or share <= MAX_MISSING_SHARE)):
             severity, kind = "error", "block"
+        elif channel in needed and (overrange or share > MAX_MISSING_SHARE):
+            severity = "warning"
         is_long = (lengths >= ISOLATED_SAMPLES) & (lengths * step_s >= BLOCK_S)
         advice = _without(record, channel, first[is_long], past[is_long])
         begin, end = int(first[worst]), int(past[worst]) - 1
@@ -168,14 +167,6 @@ def nan_block(record: Record, motor: Motor) -> Iterator[Finding]:
         )
 
 
-def _overrange(missing: np.ndarray) -> str:
-    """Return what an analyser writes beyond its range, empty where nothing of it stands there."""
-    beyond = missing[np.isfinite(missing)]
-    if not beyond.size:
-        return ""
-    return f" {beyond.size} read {beyond[0]:.2g}: the overrange or the error of an instrument."
-
-
 def _without(record: Record, channel: str, first: np.ndarray, past: np.ndarray) -> tuple[Part, ...]:
     """Return the advice that does without long stretches of missing values; empty if none can.
 
@@ -185,7 +176,7 @@ def _without(record: Record, channel: str, first: np.ndarray, past: np.ndarray) 
     time_s = record.time_s
     if not first.size or channel == "time_s" or not np.isfinite(time_s).all():
         return ()
-    if (channel == "winding_degC" or channel in BODIES) and first[0] > 0:
+    if channel in READINGS and first[0] > 0:
         windows = list(zip(time_s[first].tolist(), time_s[past - 1].tolist(), strict=True))
         return " Or leave these readings out of the comparison: ", mask_line(record, windows), "."
     begins, ends = (0, *past), (*first, time_s.size)

@@ -98,11 +98,8 @@ class Course:
         return self.step_s * self.winding_degC.size
 
     def lagged(self, taus_s: Float[np.ndarray, " lag"]) -> Float[np.ndarray, "row block"]:
-        """Return what any pair of lags is mixed of.
-
-        Returns:
-            Copper [W], all losses [W] and sink [K] after each lag, the decay of each lag [1], and
-            the winding above the first sink [K]: 4 lags and 1 row.
+        """Return what any pair of lags [s] is mixed of: copper [W], all losses [W] and sink [K]
+        after each lag, the decay of each [1], and the winding above the first sink [K].
         """
         above = self.sink_degC - self.sink_degC[0]
         drives = np.stack([self.copper_W, self.all_W, above])[:, None]
@@ -119,15 +116,11 @@ class Course:
         return replace(self, copper_W=copper, all_W=heat)
 
     def mixed(self, pairs_s: Float[np.ndarray, "2 pair"]) -> Float[np.ndarray, "pair 6 9"]:
-        """Return how pairs mix lagged rows.
+        """Return how pairs of fast and slow time constants [s] mix lagged rows.
 
-        Args:
-            pairs_s: Fast and slow time constants [s].
-
-        Returns:
-            Weights of the drives of `lagged` after the fast lag, after the slow one, and of the
-            winding, that give the columns of 1/C_w, R, R', of a body that starts 1 K above the
-            winding and of both that start 1 K above the readings, and what they are to explain.
+        They are weights of the drives of `lagged` after the fast lag, after the slow one, and of
+        the winding, that give the columns of 1/C_w, R, R', of a body that starts 1 K above the
+        winding and of both that start 1 K above the readings, and what they are to explain.
         """
         fast, slow = pairs_s
         quick, late = -fast / (slow - fast), slow / (slow - fast)
@@ -196,17 +189,11 @@ def quick_fit(
     left_out_s: Sequence[tuple[float, float]] = (),
     most_blocks: int = MAX_BLOCKS,
 ) -> QuickFit | None:
-    """Fit two nodes to a record.
+    """Fit two nodes to any record; None where it has too little, or they do not describe it.
 
-    Args:
-        record: Any record.
-        motor: Says what the losses are, and the phase resistance; without that, or a current, the
-            share of copper in the losses is fitted too.
-        left_out_s: Time spans whose temperatures do not count [s].
-        most_blocks: Block means of the record, at most.
-
-    Returns:
-        The fit, or None where the record has too little, or the network does not describe it.
+    Without a phase resistance, or a current, the share of copper in the losses is fitted too.
+    Temperatures in the spans that are left out [s] do not count; block means there are so many, at
+    most.
     """
     course = course_of(record, motor, left_out_s=left_out_s, most_blocks=most_blocks)
     return None if course is None else fit_of(course)
@@ -396,9 +383,7 @@ def places_of(pairs: np.ndarray) -> np.ndarray:
 
 
 def pairs_on(axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the places of fast and slow lags on their axes that are far enough apart, and the time
-    constants there [s], shape (2, pair) each.
-    """
+    """Return the places of lags that are apart on their axes, and these [s], shape (2, pair)."""
     fast_s, slow_s = axes
     pairs = np.argwhere(slow_s[None] >= APART * fast_s[:, None]).T
     return pairs, np.stack([fast_s[pairs[0]], slow_s[pairs[1]]])

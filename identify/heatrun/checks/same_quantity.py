@@ -195,9 +195,7 @@ def _compared(
 
 
 def _misread(record: Record, motor: Motor, twice: Twice) -> str:
-    """Return the likeliest other unit of a column in which both ways agree, in words; empty where
-    there is none.
-    """
+    """Return the likeliest other unit of a column in which both ways agree, in words, if any."""
     names = {twice.way.channel, *twice.way.needs}
     agreeing = [
         one

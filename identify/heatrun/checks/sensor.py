@@ -62,13 +62,8 @@ BACK_SHARE = 0.5
 PLAUSIBLE_DEGC = (-60.0, 350.0)
 """Colder than any test chamber; hotter than any enamel endures (class C ends near 240 degC)."""
 
-FALL_WINDOW_S = 10.0
 FALL_SHARE = 0.5
-MIN_EXCESS_K = 20.0
-"""A winding that loses half of its excess over the sink in 10 s would have a time constant under
-15 s; the shortest of a motor is tens of seconds, and the stator below it is warm. Below 20 K of
-excess ordinary cooling and rounding come near."""
-
+"""Of its excess over the sink [1] that a reading loses which falls most of the way to it."""
 
 BELOW_HOUSING_K, BELOW_HOUSING_S = 3.0, 60.0
 """Two sensors agree to 1 K each; a housing in the sun of an inverter is warmer than a cold winding
@@ -85,17 +80,6 @@ SAME_S = 10.0
 """Within this a jump and a movement are one [s]."""
 
 
-def _is_spike_at(finding: Finding, moved: Movement) -> bool:
-    at_s = finding.values["from_s"] or 0.0
-    is_there = moved.from_s - SAME_S <= at_s <= moved.to_s + SAME_S
-    return finding.severity != "error" and is_there
-
-
-def _looks_like_kelvin(temperature: np.ndarray) -> bool:
-    """Then all values are off by 273 and `units_temperature` has the say."""
-    return bool(np.min(temperature) > 230.0 and np.median(temperature) < 500.0)
-
-
 def temperature_jump(record: Record, motor: Motor, looked: Looked) -> Iterator[Finding]:
     """Report temperatures that move as no heat moves them.
 
@@ -109,7 +93,9 @@ def temperature_jump(record: Record, motor: Motor, looked: Looked) -> Iterator[F
         return
     # a shift while the winding warms fast looks like a spike: how it moved says that it stays
     if of_winding is not None:
-        if moved.is_back or not _is_spike_at(of_winding, moved):
+        at_s = of_winding.values["from_s"] or 0.0
+        is_there = moved.from_s - SAME_S <= at_s <= moved.to_s + SAME_S
+        if moved.is_back or of_winding.severity == "error" or not is_there:
             yield from at_once.values()
             return
         del at_once["winding_degC"]
@@ -154,7 +140,8 @@ def jumps_at_once(record: Record, motor: Motor) -> Iterator[Finding]:
         steps = np.diff(time_s)
         slack = 2.0 * (rounding_step(temperature) or 0.0) + NOISE_SIGMAS * _noise(temperature)
         rates = np.diff(temperature) / steps
-        beside = np.maximum(*(np.sign(rates) * each for each in _neighbours(rates)))
+        earlier, later = np.append(0.0, rates[:-1]), np.append(rates[1:], 0.0)
+        beside = np.maximum(np.sign(rates) * earlier, np.sign(rates) * later)
         limits = (MAX_RATE_K_PER_S + np.maximum(beside, 0.0)) * steps + slack
         jumps = np.flatnonzero(np.abs(np.diff(temperature)) > limits)
         if jumps.size == 0:
@@ -200,11 +187,6 @@ def jumps_at_once(record: Record, motor: Motor) -> Iterator[Finding]:
         )
 
 
-def _neighbours(rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rates one sample sooner and one later, 0 beyond the ends."""
-    return np.append(0.0, rates[:-1]), np.append(rates[1:], 0.0)
-
-
 def _left_out(record: Record, channel: str, *spans: tuple[float, float]) -> tuple[Part, ...]:
     """Return what to write to do without readings; of the sink, which no fit does without, none."""
     if channel == "winding_degC":
@@ -216,9 +198,7 @@ def _left_out(record: Record, channel: str, *spans: tuple[float, float]) -> tupl
 def _without_sensor(
     record: Record, channel: str, spans: list[tuple[float, float]]
 ) -> tuple[Part, ...]:
-    """Return what to write to do without what an open circuit reads: in place of a sink's readings
-    a constant, that of the others.
-    """
+    """Return what to write to do without what an open circuit reads: of a sink, a constant."""
     if channel == "winding_degC" or channel in BODIES:
         return _left_out(record, channel, *spans)
     time_s, reading = samples(record, channel)
@@ -230,11 +210,16 @@ def _without_sensor(
     )
 
 
+def _up_to(record: Record, begin_s: float, at_s: float, where: str) -> tuple[Part, ...]:
+    """Return what to write to use a test up to a time [s]."""
+    return f" To use the test up to {where}: ", use_line(record, (begin_s, at_s)), "."
+
+
 def _without_jump(record: Record, channel: str, at_s: float, is_lasting: bool) -> tuple[Part, ...]:
     """Return what to write to use a test without a jump; nothing for a spike of the sink."""
     time_s = samples(record, channel)[0]
     if channel not in BODIES and is_lasting and at_s > time_s[0]:
-        return " To use the test up to it: ", use_line(record, (float(time_s[0]), at_s)), "."
+        return _up_to(record, float(time_s[0]), at_s, "it")
     past = float(time_s[min(np.searchsorted(time_s, at_s) + SPIKE_SAMPLES, time_s.size - 1)])
     return _left_out(record, channel, (at_s, past))
 
@@ -257,11 +242,10 @@ def _open_circuit(temperature: np.ndarray) -> np.ndarray:
 
 
 def open_spans(record: Record, channel: str) -> list[tuple[float, float]]:
-    """Return the stretches in which a temperature reads what an open circuit does, first and last
-    time of each [s].
-    """
+    """Return first and last times [s] of where a temperature reads what an open circuit does."""
     time_s, reading = samples(record, channel)
-    if time_s.size < 3 or _looks_like_kelvin(reading):
+    # of kelvin, all off by 273, `units_temperature` has the say
+    if time_s.size < 3 or (np.min(reading) > 230.0 and np.median(reading) < 500.0):
         return []
     is_column = not record.mapping or channel in {one.channel for one in record.mapping}
     if np.all(reading == NOTHING) and channel != "winding_degC" and is_column:
@@ -269,14 +253,6 @@ def open_spans(record: Record, channel: str) -> list[tuple[float, float]]:
         is_cold = winding.size and np.min(winding) < FROSTY_DEGC
         return [] if is_cold else [(float(time_s[0]), float(time_s[-1]))]
     return windows(time_s, _open_circuit(reading))
-
-
-def _falls(time_s: np.ndarray, temperature: np.ndarray, sink: np.ndarray) -> np.ndarray:
-    """Where the excess over the sink has halved within the window, sample by sample."""
-    earlier = np.searchsorted(time_s, time_s - FALL_WINDOW_S)
-    excess_then = temperature[earlier] - sink
-    excess_now = temperature - sink
-    return (excess_then > MIN_EXCESS_K) & (excess_now < (1.0 - FALL_SHARE) * excess_then)
 
 
 WHENEVER_LOADED, RISES_TOO = 0.95, 0.2
@@ -386,7 +362,6 @@ def loses_contact(record: Record, motor: Motor) -> Iterator[Finding]:
     lost = lost_contact(record, motor)
     if lost is None:
         return
-    begin_s = float(samples(record)[0][0])
     yield Finding(
         "sensor_detached",
         "warning",
@@ -396,9 +371,8 @@ def loses_contact(record: Record, motor: Motor) -> Iterator[Finding]:
         f"{lost.misfit_put_right_K:.2g} K. The sensor lost contact, or the cooling changed.",
         place(record, "winding_degC", lost.from_s, lost.to_s),
         Remedy(
-            "Check the sensor's contact, and fan, flow and doors. To use the test up to there: ",
-            use_line(record, (begin_s, lost.from_s)),
-            ".",
+            "Check the sensor's contact, and fan, flow and doors.",
+            *_up_to(record, float(samples(record)[0][0]), lost.from_s, "there"),
         ),
         values={"from_s": lost.from_s, "to_s": lost.to_s, "share": lost.share},
     )
@@ -409,7 +383,7 @@ HOUSING = "housing_degC"
 
 def _exchanged(record: Record, winding: np.ndarray, housing: np.ndarray) -> Finding:
     """Return the finding that winding and housing stand for each other, or in two units."""
-    column = {one.channel: one.column for one in record.mapping}.get(HOUSING, HOUSING)
+    column = record.column_of(HOUSING, HOUSING)
     is_fahrenheit = abs((housing[0] - 32.0) / 1.8 - winding[0]) < BELOW_HOUSING_K
     return Finding(
         "sensor_detached",
@@ -437,7 +411,7 @@ def _detached(
     if is_back or from_s <= begin_s:
         advice = _left_out(record, "winding_degC", (from_s, until_s))
     else:
-        advice = " To use the test up to there: ", use_line(record, (begin_s, from_s)), "."
+        advice = _up_to(record, begin_s, from_s, "there")
     return Finding(
         "sensor_detached",
         "error",

@@ -14,6 +14,7 @@ import numpy as np
 from ..io.quantities import off_by, part_of, rounded
 from ..record.balance_errors import BLOCK_S, STANDSTILL_RPM
 from ..record.by_resistance import CIRCUITS, by_resistance, measured_resistance, resistance_sd
+from ..record.derive import DQ as AXES
 from ..record.derive import WITH_INVERTER, constants_of, dq_power, formulas
 from ..record.motor import COEFFICIENTS_degC, Motor
 from ..record.record import Finding, Record
@@ -37,6 +38,7 @@ SENSOR_SD_K, SENSOR_SD_SHARE = 1.0, 0.05
 """Winding sensor against the mean of the winding [K], and in parts of the rise over the lowest
 reading [1]: a sensor in the end winding reads more, one in the slot less."""
 
+OF_LOSSES = ("speed_rpm", "phase_current_A", "losses_W", "winding_degC")
 DQ = "u_d·i_d"
 """In the formula of losses that are derived from voltages and currents in d and q."""
 
@@ -176,8 +178,7 @@ def _by_losses(record: Record, motor: Motor) -> Rise | None:
     agreement = _of_losses(record, motor)
     if agreement is None or motor.phase_resistance_ohm is None:
         return None
-    names = ("speed_rpm", "phase_current_A", "losses_W", "winding_degC")
-    time_s, speed, current, losses, winding = samples(record, *names)
+    time_s, speed, current, losses, winding = samples(record, *OF_LOSSES)
     copper = motor.copper_loss_W(current, winding)
     standing = _standing(time_s, speed, copper, losses, current**2, winding)
     if standing is None:
@@ -238,26 +239,20 @@ def _of_losses(record: Record, motor: Motor) -> Agreement | None:
         return None
     if WITH_INVERTER in _formula(record):
         return None
-    columns = samples(record, "speed_rpm", "phase_current_A", "losses_W", "winding_degC")
-    time_s, speed, current, losses, winding = columns
     instruments = float(np.hypot(POWER_SD, 2.0 * CURRENT_SD))
-    return _agreement(record, motor, time_s, speed, losses, current, winding, instruments)
+    return _agreement(record, motor, samples(record, *OF_LOSSES), instruments)
 
 
 def _of_voltage(record: Record, motor: Motor) -> Agreement | None:
     """Voltage over current, as the power that it stands for."""
     if motor.phase_resistance_ohm is None or DQ in _formula(record):
         return None
-    names = ("speed_rpm", "winding_degC", "u_d_V", "u_q_V", "i_d_A", "i_q_A")
-    time_s, speed, winding, *axes = samples(record, *names)
-    if time_s.size == 0:
-        return None
-    channels: dict[str, np.ndarray] = dict(zip(names[2:], axes, strict=True))
+    time_s, speed, winding, *axes = samples(record, "speed_rpm", "winding_degC", *AXES)
+    channels: dict[str, np.ndarray] = dict(zip(AXES, axes, strict=True))
     current = np.hypot(channels["i_d_A"], channels["i_q_A"]) / np.sqrt(2.0)
-    power = dq_power(channels, motor.phases)
+    columns = (time_s, speed, current, dq_power(channels, motor.phases), winding)
     # one current stands in both powers: its error enters once
-    instruments = float(np.hypot(POWER_SD, CURRENT_SD))
-    return _agreement(record, motor, time_s, speed, power, current, winding, instruments)
+    return _agreement(record, motor, columns, float(np.hypot(POWER_SD, CURRENT_SD)))
 
 
 def _formula(record: Record) -> str:
@@ -268,16 +263,13 @@ def _formula(record: Record) -> str:
 
 
 def _agreement(
-    record: Record,
-    motor: Motor,
-    time_s: np.ndarray,
-    speed: np.ndarray,
-    measured: np.ndarray,
-    current: np.ndarray,
-    winding: np.ndarray,
-    instruments: float,
+    record: Record, motor: Motor, columns: Sequence[np.ndarray], instruments: float
 ) -> Agreement | None:
-    """Compare a power with the copper loss over the stretches at standstill; None without one."""
+    """Compare a power with the copper loss over the stretches at standstill; None without one.
+
+    Columns are the time, and as `OF_LOSSES`.
+    """
+    time_s, speed, current, measured, winding = columns
     expected = motor.copper_loss_W(current, winding)
     standing = _standing(time_s, speed, expected, measured, current**2, winding)
     if standing is None:
@@ -287,7 +279,10 @@ def _agreement(
     ratio = float(np.sum(power[kept])) / total
     scatter = float(np.std(power[kept] - ratio * copper[kept])) * np.sqrt(kept.sum()) / total
     mean = total / float(kept.sum())
-    largest = max(float(np.quantile(np.abs(_largest_power(record, measured)), 0.99)), mean)
+    # the largest power that the record holds, whose range the analyser may have kept
+    powers = (samples(record, f"{name}_power_W")[1] for name in ("electrical", "mechanical"))
+    widest = next((each for each in powers if each.size), measured)
+    largest = max(float(np.quantile(np.abs(widest), 0.99)), mean)
     warm = temperature[kept].mean() - temperature.min()
     sensor_K = np.hypot(SENSOR_SD_K, SENSOR_SD_SHARE * warm)
     of_temperature = sensor_K / (motor.resistance_coefficient_degC + temperature[kept].mean())
@@ -320,15 +315,6 @@ def _standing(
         if at[past - 1] - at[first] + BLOCK_S >= LASTS_S and past - first > 3:
             kept[first + 1 : past - 1] = True
     return (at, kept, copper, *others) if kept.any() else None
-
-
-def _largest_power(record: Record, measured: np.ndarray) -> np.ndarray:
-    """Return the largest power that the record holds, whose range the analyser may have kept."""
-    for name in ("electrical_power_W", "mechanical_power_W"):
-        values = samples(record, name)[1]
-        if values.size:
-            return values
-    return measured
 
 
 def _leads(ratio: float) -> str:

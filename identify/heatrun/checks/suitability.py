@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 from ..io.own_files import is_simulated
 from ..io.quantities import rounded
 from ..io.toml_text import table_header
-from ..record.findings import FINDINGS, with_doubt
+from ..record.findings import SAID, with_doubt
 from ..record.motor import Motor
 from ..record.record import Finding, Record
 
 SIMULATED = "simulated_by_heatrun"
 
-DOUBTS = {id: FINDINGS[id].said for id in with_doubt("parameters", "inputs") if FINDINGS[id].said}
+DOUBTS = {id: SAID[id] for id in with_doubt("parameters", "inputs") if id in SAID}
 """Id to what is in doubt, said of the record."""
 
 
@@ -35,7 +35,7 @@ def doubts(findings: Sequence[Finding]) -> dict[str, list[str]]:
     return found
 
 
-WEAK = {id: kind.said for id, kind in FINDINGS.items() if kind.said and not kind.doubt}
+WEAK = {id: words for id, words in SAID.items() if id not in DOUBTS}
 """Warnings after which the second order is calibrated, and its stator parameters stay uncertain."""
 
 LONGEST_REASON = 140
@@ -54,13 +54,9 @@ class Suitability:
 def suitability(
     test: str, findings: Sequence[Finding], aim: str, refusal: Finding | None = None
 ) -> Suitability:
-    """Return whether a record will do.
+    """Return whether a record will do for an aim, such as `"a second-order calibration"`.
 
-    Args:
-        test: Its name.
-        findings: Those about it.
-        aim: What is to be calibrated, such as `"a second-order calibration"`.
-        refusal: What the network lacks, where that is known and not among the findings.
+    The refusal is what the network lacks, where that is known and not among the findings.
     """
     errors = [finding for finding in findings if finding.severity == "error"]
     if errors:
@@ -159,15 +155,11 @@ def other_tests(motor: Motor, names: Iterable[str]) -> Iterator[Finding]:
         meant = next((one for one in free if _is_nearly(name, one)), None)
         message = f"{header} of the motor file is for none of the tests that were given ("
         message += f"{', '.join(given)}): what it says of use and mask changes nothing here."
-        yield Finding(
-            "other_test",
-            "warning" if meant else "note",
-            message,
-            remedy=f"Did you mean {table_header('tests', meant)}? The name is that of the file "
-            "without its ending."
-            if meant
-            else "Nothing need be done if it is for another test.",
-        )
+        remedy = "Nothing need be done if it is for another test."
+        if meant:
+            remedy = f"Did you mean {table_header('tests', meant)}? The name is that of the file "
+            remedy += "without its ending."
+        yield Finding("other_test", "warning" if meant else "note", message, remedy=remedy)
 
 
 def _is_nearly(written: str, name: str) -> bool:

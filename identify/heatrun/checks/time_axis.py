@@ -23,6 +23,8 @@ MAX_DUPLICATE_SHARE = 0.01
 """Above this share of repeated stamps [1] it is not a row written twice: the stamps are coarser
 than the sampling, and where inside the step a sample lies is lost."""
 
+HARMLESS = "The block averages are hardly affected."
+
 MAX_JITTER = 0.1
 """Relative spread of the sampling step [1] from which an average over samples is no longer an
 average over time to better than about 1 % in blocks of 100 samples."""
@@ -56,9 +58,7 @@ def _clock(record: Record) -> np.ndarray:
 
 
 def time_backwards(record: Record, motor: Motor) -> Iterator[Finding]:
-    """Report stamps that lie before their predecessor; which part of the record is right is
-    unknown.
-    """
+    """Report stamps that lie before their predecessor; which part is right is unknown."""
     time_s = _clock(record)
     steps = np.diff(time_s)
     back = np.flatnonzero(steps < 0.0)
@@ -144,7 +144,7 @@ def _sorted_otherwise(record: Record, num_steps: int) -> Finding:
             likeness = abs(np.corrcoef(place_of_row[known], values[known])[0, 1])
             follows[name] = 1.0 if is_sorted else likeness
     by = max(follows, key=lambda name: follows[name], default="")
-    column = next((f", column '{one.column}'" for one in record.mapping if one.channel == by), "")
+    column = f", column '{name}'" if (name := record.column_of(by)) else ""
     if num_steps == place_of_row.size - 1:
         order = "the last sample stands first"
     elif by and follows[by] > FOLLOWS:
@@ -178,19 +178,11 @@ def time_duplicate(record: Record, motor: Motor) -> Iterator[Finding]:
         "time_duplicate",
         "error" if is_coarse else "warning",
         f"Expected increasing time; {same.size} samples ({100.0 * share:.1f} %) repeat the "
-        f"time stamp before them, the first is sample {int(same[0]) + 1}."
-        + (
-            " The time stamps are coarser than the sampling."
-            if is_coarse
-            else " The block averages are hardly affected."
-        ),
+        f"time stamp before them, the first is sample {int(same[0]) + 1}. "
+        f"{'The time stamps are coarser than the sampling.' if is_coarse else HARMLESS}",
         place(record, "time_s", float(time_s[same[0]])),
         "Export the time with more decimals." if is_coarse else "Check for rows written twice.",
-        values={
-            "num_samples": float(same.size),
-            "share": share,
-            "from_s": float(time_s[same[0]]),
-        },
+        values={"num_samples": float(same.size), "share": share, "from_s": float(time_s[same[0]])},
     )
 
 
@@ -260,7 +252,7 @@ def time_jitter(record: Record, motor: Motor) -> Iterator[Finding]:
 
 def _suspected_unit(record: Record, step_s: float) -> str:
     """Name milliseconds or microseconds where nothing states the unit of a time that creeps."""
-    column = next((one for one in record.mapping if one.channel == "time_s"), None)
+    column = record.read_of("time_s")
     if column is None or column.unit_from == "stated" or step_s < CREEPS_S:
         return ""
     unit = "ms" if step_s < 1e3 * CREEPS_S else "us"

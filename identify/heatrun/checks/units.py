@@ -63,7 +63,7 @@ def _finding(
 
     But for kelvin, the motor file may say that degrees Celsius are right.
     """
-    column = next((r.column for r in record.mapping if r.channel == channel), "")
+    column = record.column_of(channel)
     line = f'{channel} = "{column or "column"}'
     values = {"value": value}
     if isinstance(unit, float):

@@ -196,9 +196,7 @@ def _scaled(record: Record, motor: Motor, names: Sequence[str], factor: float) -
 def _posterior(
     record: Record, motor: Motor, found: Sequence[Figure]
 ) -> tuple[list[tuple[float, OtherReading]], float, float]:
-    """Return the probability of each reading, the most likely first, of a liquid, and of something
-    else; that all is right makes them one.
-    """
+    """Return the probability of each reading, likely ones first, of a liquid, of something else."""
     shown = {figure.id: figure.cost for figure in found}
 
     def cost(record: Record, motor: Motor, most: float, cooled_by: str = "") -> float:
@@ -254,7 +252,9 @@ def unit_suspected(record: Record, motor: Motor) -> Iterator[Finding]:
     An error where another reading is more than nine tenths likely, a warning where it is as likely
     as not that something is wrong; one step milder where the motor file decides the units.
     """
-    record = _thinned(record)
+    step = max(1, -(-np.size(record.time_s) // MAX_SAMPLES))
+    thin = {name: np.asarray(each)[::step] for name, each in record.channels.items()}
+    record = replace(record, channels=thin)
     found = list(figures(record, motor))
     beyond = sorted((f for f in found if f.sentence), key=lambda f: -f.cost)
     if not beyond:
@@ -308,14 +308,6 @@ def read_otherwise(record: Record, motor: Motor, finding: Finding) -> tuple[Reco
         if one.name == likely:
             return one.record, one.motor
     return record, motor
-
-
-def _thinned(record: Record) -> Record:
-    size = np.size(record.time_s)
-    if size <= MAX_SAMPLES:
-        return record
-    step = -(-size // MAX_SAMPLES)
-    return replace(record, channels={k: np.asarray(v)[::step] for k, v in record.channels.items()})
 
 
 def supposed(one: OtherReading) -> str:
@@ -380,9 +372,8 @@ def _or_else(record: Record, motor: Motor, beyond: Sequence[Figure]) -> list[str
     if motor.sink != "coolant" and not any(f.sentence for f in figures(record, motor, "coolant")):
         return ['Or set sink = "coolant" in [motor] if a liquid cools the machine.']
     G = scale.values.get("conductance_W_per_K", math.nan)
-    if scale.id == "time_constant" and is_brief(float(np.ptp(record.time_s)), G, motor.sink):
-        return [
-            "Or the machine is large and so short a test shows its winding alone: a longer one "
-            "tells."
-        ]
-    return []
+    is_alone = scale.id == "time_constant" and is_brief(np.ptp(record.time_s), G, motor.sink)
+    large = (
+        "Or the machine is large and so short a test shows its winding alone: a longer one tells."
+    )
+    return [large] if is_alone else []

@@ -16,14 +16,7 @@ from ..motor.keys import WINDING
 from ..record.channels import CHANNEL, REQUIRED
 from ..version import __version__
 from .free_columns import FreeColumn, as_assumed, flat
-from .gaps import (
-    LONGEST_LINE,
-    Gap,
-    found_resistance,
-    gaps,
-    is_cooled_by_liquid,
-    stated_resistance,
-)
+from .gaps import LONGEST_LINE, Gap, found_resistance, gaps, is_cooled_by_liquid, stated_resistance
 from .survey import Survey
 
 NONE = "none"
@@ -41,11 +34,7 @@ class Choice:
 
 
 def choices(surveys: Sequence[Survey]) -> tuple[Choice, ...]:
-    """Return the channels that are read, missing or likely, those of a calibration first.
-
-    Args:
-        surveys: What the files hold.
-    """
+    """Return the channels that are read, missing or likely, those of a calibration first."""
     missing = {gap.channel: gap for gap in gaps(surveys) if gap.channel}
     free = {column.name: column for one in surveys for column in one.free if not column.text}
     recognised = [each for one in surveys for each in one.recognised if each.column]
@@ -85,12 +74,7 @@ def _choice_line(channel: str, column: FreeColumn) -> str:
 
 
 def as_chosen(found: Sequence[Gap], columns: Mapping[str, str]) -> tuple[Gap, ...]:
-    """Return the gaps of tests as a person has filled them.
-
-    Args:
-        found: What the tests leave out.
-        columns: Right-hand side by channel, also of channels that the tests do not leave out.
-    """
+    """Return the gaps of tests as a person has filled them, by a right-hand side of any channel."""
     known = {gap.channel: gap for gap in found}
     return (
         *(_filled(gap, columns.get(gap.channel)) for gap in found),
@@ -168,17 +152,12 @@ def draft(
         free = [*free[: left - 1], rest] if left else []
     lines = (*head, *motor, *winding, *recognised, *offered, *free, *constants, *overrides)
     text = printable("\n".join(lines) + "\n")  # names out of files stand in comments too
-    for said, number in numbers.items():
-        text = _with_number(text, said, number)
+    for name, number in numbers.items():  # into the line that waits for it
+        pattern, line = rf"^# {name} = .*$", f"{name} = {number!r}"
+        if name == "time_s":
+            pattern, line = r"^\[columns\]$", f'[columns]\ntime_s = "rate {number:g} Hz"'
+        text = re.sub(pattern, line, text, count=1, flags=re.MULTILINE)
     return text
-
-
-def _with_number(text: str, name: str, number: float) -> str:
-    """Return a draft with a number in the line that waits for it."""
-    if name == "time_s":
-        return text.replace("[columns]\n", f'[columns]\ntime_s = "rate {number:g} Hz"\n', 1)
-    line = f"{name} = {number!r}"
-    return re.sub(rf"^# {name} = .*$", line, text, count=1, flags=re.MULTILINE)
 
 
 def toml_text(text: str) -> str:
@@ -291,11 +270,8 @@ def _offered(missing: Sequence[Gap], mark: str, most: int) -> list[str]:
 def _free(surveys: Sequence[Survey], missing: Set[str], shown: Set[str], mark: str) -> list[str]:
     """Return the columns that no channel claims, with a line for what each may be.
 
-    Args:
-        surveys: What the files hold.
-        missing: Channels whose candidates stand above.
-        shown: Right-hand sides that stand above.
-        mark: What stands before a line that holds: that of the speed, by which a fan cools.
+    Candidates of the missing channels stand above, with the right-hand sides that are shown. The
+    mark stands before a line that holds: that of the speed, by which a fan cools.
     """
     lines = []
     settled = {channel for one in surveys for channel in one.channels} | missing
@@ -324,12 +300,11 @@ def _constants(missing: Sequence[Gap], mark: str) -> list[str]:
         if gap.number and is_blank and (mark or not gap.best):
             lines.append(_blank(gap.channel, gap.number))
         if gap.constants and not gap.best and not mark:
-            lines[-len(gap.constants[:MOST_OPEN])] = _accepted(gap.constants[0])
+            accepted = gap.constants[0].removeprefix("# ")
+            lines[-len(gap.constants[:MOST_OPEN])] = accepted.replace(
+                "  # ", f"  # {PLEASE_CHECK}: ", 1
+            )
     return lines or ["# CHANNEL = NUMBER, of what was not recorded because it does not change"]
-
-
-def _accepted(line: str) -> str:
-    return line.removeprefix("# ").replace("  # ", f"  # {PLEASE_CHECK}: ", 1)
 
 
 def _overrides(missing: Sequence[Gap], mark: str) -> list[str]:
@@ -349,9 +324,7 @@ def _line(channel: str, side: str, note: str, mark: str) -> str:
 
 
 def _listed(head: str, parts: Sequence[str]) -> str:
-    """Return a line of comment with as many parts as it has room for, and how many more there are;
-    `heatrun check -v` lists all.
-    """
+    """Return a comment with as many parts as a line has room for, and how many more there are."""
     lines = [head + ", ".join(parts)]
     lines += [f"{head}{', '.join(parts[:num])}, and {len(parts) - num} more"
               for num in range(len(parts) - 1, 0, -1)]  # fmt: skip

@@ -78,12 +78,9 @@ class _Others:
 def with_evidence(
     free: Sequence[FreeColumn], readings: Sequence[ColumnReading], values: Values
 ) -> tuple[FreeColumn, ...]:
-    """Return columns with what the values of the file say of them.
+    """Return columns that no channel claims with what the values of the file say of them.
 
-    Args:
-        free: Columns that no channel claims.
-        readings: How the others are read.
-        values: What columns hold, where it was looked at.
+    The others are read as `readings`; `values` is what columns hold, where it was looked at.
     """
     read = _read(readings, values)
     free = [_guessed(one, values, read, free) for one in free]
@@ -330,13 +327,8 @@ def without_misnamed(
     """Return the readings that hold, and all other columns with the evidence on them.
 
     Columns of `MISNAMED` channels are judged as if no channel claimed them, and go to those that
-    none does where their values say so.
-
-    Args:
-        free: Columns that no channel claims.
-        readings: How the others are read.
-        values: What columns hold, where it was looked at.
-        look: A column that is read as one that no channel claims.
+    none does where their values say so. Arguments as `with_evidence`; `look` returns a column that
+    is read as one that no channel claims.
     """
     judged: tuple[FreeColumn, ...] = ()
     for channels, unless, as_judged in MISNAMED:
@@ -354,16 +346,15 @@ def without_misnamed(
     return readings, judged or with_evidence(free, readings, values)
 
 
-def _no_losses(
-    losses: Sequence[FreeColumn], rest: Sequence[FreeColumn], values: Values, read: Values
-) -> Sequence[FreeColumn]:
+Judged = Sequence[FreeColumn]
+
+
+def _no_losses(losses: Judged, rest: Judged, values: Values, read: Values) -> Judged:
     """Return a column of losses where another power shows that it is the input, or the output."""
     return [one for one in losses if "losses_W" in one.evidence]
 
 
-def _of_a_winding(
-    link: Sequence[FreeColumn], rest: Sequence[FreeColumn], values: Values, read: Values
-) -> Sequence[FreeColumn]:
+def _of_a_winding(link: Judged, rest: Judged, values: Values, read: Values) -> Judged:
     """Return voltage and current of a DC link as a winding's, where the one over the other is
     copper that warms and nothing else warms with a load.
     """

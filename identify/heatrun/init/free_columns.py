@@ -56,16 +56,19 @@ AS_COLD_K = 2.0
 """How far what is as cold as the room may read from it [K]."""
 
 
+def samples_of(values: np.ndarray, num: int) -> np.ndarray:
+    """Return so many samples over the whole of a column, shape (num,); NaN of an empty one."""
+    if values.size == 0:
+        return np.full(num, np.nan)
+    return values[np.linspace(0, values.size - 1, num).astype(int)]
+
+
 def _samples(values: np.ndarray) -> np.ndarray:
-    if values.size <= NUM_SAMPLES:
-        return values
-    return values[np.linspace(0, values.size - 1, NUM_SAMPLES).astype(int)]
+    return samples_of(values, min(values.size, NUM_SAMPLES))
 
 
 def times_as_much(one: np.ndarray, other: np.ndarray, spread: float = 0.3) -> float | None:
-    """Return how many times another column a column is under load, None where it is no multiple of
-    it, to a spread in parts of that.
-    """
+    """Return how many times another a column is under load; None beyond a spread in parts of it."""
     if one.shape != other.shape:
         return None
     one, other = _samples(one), _samples(other)
@@ -128,9 +131,7 @@ def warms_with(temperature: np.ndarray, load: np.ndarray) -> bool:
 
 
 def falls(temperature: np.ndarray) -> bool:
-    """Return whether a column falls from its first sample to its last, as a winding without load
-    does.
-    """
+    """Return whether a column falls throughout, as a winding without load does."""
     level = temperature[np.isfinite(temperature)]
     if level.size < 20:
         return False
@@ -314,13 +315,9 @@ class FreeColumn:
 def free_column(
     column: Column, where: str, values: np.ndarray | None, refused: Mapping[str, str]
 ) -> FreeColumn:
-    """Look at a column.
+    """Look at a column, with what it holds, shape (time,), None if it was not read.
 
-    Args:
-        column: The column.
-        where: The file, for messages.
-        values: What it holds, shape (time,), None if it was not read.
-        refused: Name of a column to the reason why it is none, as a built-in map has it.
+    `refused` are the reasons why columns are none, by name, as a built-in map has them.
     """
     stated = statements(column)
     unit = stated[0].text if stated else column.unit

@@ -95,9 +95,6 @@ def gaps(surveys: Sequence[Survey]) -> tuple[Gap, ...]:
 
     A channel is missing if a test has it neither as a column nor by a formula. Where a formula of
     columns that are there says more than the best column, its channels are the missing ones.
-
-    Args:
-        surveys: What the files hold; those of one test bear its name.
     """
     tests: dict[str, list[Survey]] = {}
     for one in surveys:
@@ -212,13 +209,7 @@ def _resistance(surveys: Sequence[Survey], *, is_zero: bool) -> Gap:
 
 
 def _channel(name: str, wanted: Mapping[str, str], tests: Mapping[str, Sequence[Survey]]) -> Gap:
-    """Return the gap of a channel.
-
-    Args:
-        name: Canonical name.
-        wanted: The tests that lack it, with the formula that it is needed for, or nothing.
-        tests: The files of each test.
-    """
+    """Return the gap of a channel; the tests that want it lack it, for a formula or by itself."""
     surveys = [one for test in wanted for one in tests[test]]
     formula = next(filter(None, wanted.values()), "")
     each = {test: ranked(name, [one for one in candidates(name, tests[test])
@@ -355,9 +346,7 @@ def _silent(name: str, one: Survey) -> Iterator[str]:
 
 
 def _constants(name: str, surveys: Sequence[Survey]) -> tuple[str, ...]:
-    """Return lines of `[constants]` for a room that was not recorded, a shaft that stands, or a
-    winding that only cools.
-    """
+    """Return lines of `[constants]` for a room, a shaft that stands, a winding that only cools."""
     if name in AT_REST and all(one.under_direct_current for one in surveys):
         return (f"# {name} = 0.0  # direct current turns no shaft",)
     if name in UNLOADED and all(one.only_cools for one in surveys):
@@ -453,8 +442,12 @@ def stated_resistance(surveys: Sequence[Survey]) -> dict[str, dict[float, str]]:
     if not ohms:
         return {}
     for one in surveys:
-        for value, where in _references(one):
-            degrees.setdefault(value, where)
+        for line in one.preamble:
+            for value in _temperatures(REFERENCE.findall(line)):
+                degrees.setdefault(value, quoted(line))
+        for value, where in _scalars(one, SCALAR_REFERENCE):
+            if COLDEST < value < HOTTEST:
+                degrees.setdefault(value, where)
     return {"phase_resistance_ohm": ohms, "reference_temperature_degC": degrees}
 
 
@@ -490,16 +483,6 @@ def _temperature(found: re.Match[str], line: str) -> float | None:
     inside = AT_DEGREES.search(found["between"])
     stated = inside or BEHIND.match(line, found.end()) or IN_NAME.search(found["name"])
     return next(_temperatures([stated[1]] if stated else []), None)
-
-
-def _references(one: Survey) -> Iterator[tuple[float, str]]:
-    """Yield each reference temperature [°C] that stands apart from its resistance."""
-    for line in one.preamble:
-        for value in _temperatures(REFERENCE.findall(line)):
-            yield value, quoted(line)
-    for value, where in _scalars(one, SCALAR_REFERENCE):
-        if COLDEST < value < HOTTEST:
-            yield value, where
 
 
 def _scalars(one: Survey, called: re.Pattern[str]) -> Iterator[tuple[float, str]]:

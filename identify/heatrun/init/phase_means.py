@@ -18,13 +18,10 @@ from ..errors import InputError
 from ..readers.channel_map import map_columns
 from ..record.channels import APART_K, APART_SHARE, CHANNEL, Columns
 from ..record.table import Column, Table
-from .free_columns import FreeColumn, Proposal, in_its_unit
+from .free_columns import NUM_SAMPLES, FreeColumn, Proposal, in_its_unit, samples_of
 
 PHASES = ("UVW", "uvw", "123", "ABC", "abc")
 SIGN = re.compile(f"[{''.join(first[0] for first in PHASES)}]")
-
-NUM_SAMPLES = 400
-"""So many samples of a column are compared."""
 
 LEAST_RISE_K = 10.0
 """Below it, sensors anywhere in a machine read the same [K]."""
@@ -58,7 +55,7 @@ def _phases(sensors: Iterable[Sensor], quantity: str) -> Iterator[list[Sensor]]:
 
 
 def _is_one_winding(three: Sequence[Sensor], quantity: str) -> bool:
-    stacked = np.stack([_samples(sensor.values) for sensor in three])
+    stacked = np.stack([samples_of(sensor.values, NUM_SAMPLES) for sensor in three])
     stacked = stacked[:, np.all(np.isfinite(stacked), axis=0)]
     if stacked.shape[1] < 2:
         return False
@@ -71,13 +68,6 @@ def _is_one_winding(three: Sequence[Sensor], quantity: str) -> bool:
     if all(sensor.as_read.is_likely for sensor in three):
         return apart <= max(APART_K, APART_SHARE * rise)
     return rise >= LEAST_RISE_K and apart <= min(APART_K, CLOSE_SHARE * rise)
-
-
-def _samples(values: np.ndarray) -> np.ndarray:
-    """Return samples over the whole of a column, whatever its rate, shape (NUM_SAMPLES,)."""
-    if values.size == 0:
-        return np.full(NUM_SAMPLES, np.nan)
-    return values[np.linspace(0, values.size - 1, NUM_SAMPLES).astype(int)]
 
 
 MADE_OF_PHASES = {"winding_degC": "mean", "phase_current_A": "mean", "electrical_power_W": "sum"}
@@ -106,13 +96,9 @@ def phase_means(
 ) -> tuple[PhaseMean, ...]:
     """Return the means that channels may be, each of them read back once.
 
-    Args:
-        table: With the columns of the file.
-        free: Those that no channel claims.
-        values: Identity of a column to what it holds, shape (time,), where it was looked at.
-        known: Channels that are recognised already.
-        left_out: `[columns]` that leave out what the file asks about.
-        where: The file.
+    `free` are the columns of the table that no channel claims, `values` what columns hold, shape
+    (time,), by identity, where it was looked at, `known` the channels that are recognised already,
+    `left_out` the lines of `[columns]` that leave out what the file asks about.
     """
     many = Counter(column.name for column in table.columns)
     columns = {
@@ -155,12 +141,7 @@ def _lines(how: str, three: Sequence[Sensor], table: Table) -> Iterator[str]:
 
 
 def _reads_back(
-    table: Table,
-    channel: str,
-    line: str,
-    names: tuple[str, ...],
-    left_out: Columns,
-    where: str,
+    table: Table, channel: str, line: str, names: tuple[str, ...], left_out: Columns, where: str
 ) -> bool:
     try:
         mapped = map_columns(table, {**left_out, channel: line}, where=where, is_part=True)

@@ -97,11 +97,7 @@ class Survey:
 
 
 def survey(path: Path, sheet: str | None = None) -> Survey:
-    """Look at a file.
-
-    Args:
-        path: A bench file of any format that is read.
-        sheet: Sheet of a workbook; by default the one with the channels.
+    """Look at a bench file; of a workbook, at the sheet with the channels or the one that is named.
 
     Raises:
         InputError: If it cannot be read as a table of numbers, or heatrun itself has written it.
@@ -154,13 +150,10 @@ def _of_measurement(measurement: Measurement, where: str) -> Survey:
 def _surveyed(
     table: Table, values: Mapping[int, np.ndarray], found: PartialMapping, where: str
 ) -> Survey:
-    """Return what is known of the columns of numbers.
+    """Return what is known of the columns of numbers of a table, beside what is recognised.
 
-    Args:
-        table: With the columns; of a measurement file with placeholders in them.
-        values: Identity of a column to what it holds, shape (time,), where it was looked at.
-        found: What is recognised.
-        where: The file.
+    The columns of a measurement file are placeholders; `values` is what they hold, shape (time,),
+    by identity, where it was looked at.
     """
     mapped = found.mapped
     used = {one.column for one in mapped.readings}
@@ -183,13 +176,14 @@ def _surveyed(
         for channel, formula in found.derived.items()
         if not any(name in formula for name in misnamed)
     }
-    silent = {}
-    for one in readings:
-        numbers = read.get(one.column)
-        if one.channel in NEEDED and numbers is not None and not np.nan_to_num(numbers).any():
-            is_empty = not np.isfinite(numbers).any()
-            silent[one.channel] = SilentColumn(one.channel, one.column, is_empty)
-    heard = tuple(one for one in readings if one.channel not in silent)
+    silent = tuple(
+        SilentColumn(one.channel, one.column, not np.isfinite(numbers).any())
+        for one in readings
+        if one.channel in NEEDED and (numbers := read.get(one.column)) is not None
+        if not np.nan_to_num(numbers).any()
+    )
+    unheard = {one.channel for one in silent}
+    heard = tuple(one for one in readings if one.channel not in unheard)
     known = {*(one.channel for one in heard), *derived}
     said = (
         f"'{one.name}' is called losses and {one.evidence['losses_W'].words}."
@@ -203,7 +197,7 @@ def _surveyed(
         derived,
         free,
         (*([machines] if machines else ()), *(str(fault) for fault in found.faults), *said),
-        silent=tuple(silent.values()),
+        silent=silent,
         means=phase_means(table, free, values, known, found.lines, where),
         machines=machines,
         only_cools=any(
@@ -238,11 +232,7 @@ class PartialMapping:
 def map_as_far(table: Table, columns: Columns | None = None, *, where: str) -> PartialMapping:
     """Return the channels of a table, and why a column that claims to be one is none.
 
-    Args:
-        table: What a reader returned.
-        columns: `[columns]` of the motor file; a column that it names and the table does not have
-            is passed over.
-        where: The file, for messages.
+    A column that `[columns]` names and the table does not have is passed over.
     """
     lines = dict(columns or {})
     faults: list[InputError] = []
@@ -280,16 +270,10 @@ class UnreadTest:
 
 
 def unread_test(path: Path | str, motor: Motor, error: InputError) -> UnreadTest | None:
-    """Return what a test holds whose reading ended in an error.
+    """Return what a test holds whose reading ended in an error; path as `read_test`.
 
-    Args:
-        path: As `heatrun.readers.joined.read_test`.
-        motor: The machine.
-        error: Why the test cannot be read.
-
-    Returns:
-        None if a file of it is none that can be looked at a second time, or no table: the error
-        then says all there is to say.
+    None if a file of it is none that can be looked at a second time, or no table: the error then
+    says all there is to say.
     """
     files = files_of(path)
     if not all(_is_regular(file) for file, _ in files):

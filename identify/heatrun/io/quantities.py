@@ -9,6 +9,11 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
 
 
+def as_printed(text: str) -> str:
+    """Return a text with a question mark for each control character, which would act."""
+    return "".join(c if c.isprintable() else "?" for c in text)
+
+
 JOINERS = "\u200c\u200d"
 """Signs without a picture that names in Persian and in Indian scripts are written with."""
 

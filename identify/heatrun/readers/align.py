@@ -7,6 +7,7 @@ result. The drive is then averaged over the time that each temperature sample st
 power is conserved; temperatures are never interpolated, since they are what a fit is scored on.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,15 +34,10 @@ from .multirate import RMS_QUANTITY
 def joined_channels(
     temperature_record: Record, drive_record: Record, offset_s: float
 ) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
-    """Return the channels over the time that both logs cover, and notes on what was done.
+    """Return the channels, shape (common,), over the time that both logs cover, and notes on it.
 
-    Args:
-        temperature_record: Its clock and samples are kept.
-        drive_record: Its channels are averaged over the time that each temperature stands for.
-        offset_s: What is added to the drive's clock to give the thermometer's [s].
-
-    Returns:
-        Channels in their units, each of shape (common,), and sentences for the record's notes.
+    Clock and samples of the temperatures are kept, the channels of the drive are averaged over the
+    time that each stands for. The offset [s] is what is added to the drive's clock.
 
     Raises:
         InputError: If the logs have no time in common.
@@ -207,16 +203,15 @@ def find_alignment(
     profile = found.profile
     stamp_s = stamp_sd_s(median_step(time_s), median_step(samples(drive_record)[0]))
     sd_s = float(np.hypot(profile.sd_s, stamp_s))
-    low, high = _interval(profile, stamp_s)
     findings = _findings(temperature_record, drive_record, response, found, sd_s, max_offset_s)
     return Alignment(
         offset_s=profile.mean_s,
         sd_s=sd_s,
         fit_sd_s=profile.sd_s,
-        interval_95_s=(low, high),
+        interval_95_s=_interval(profile, stamp_s),
         explained=found.explained,
         method=METHOD,
-        findings=findings,
+        findings=tuple(findings),
     )
 
 
@@ -238,8 +233,8 @@ def _findings(
     offset: ResponseOffset,
     sd_s: float,
     max_offset_s: float,
-) -> tuple[Finding, ...]:
-    """The figures of the alignment as a note, and what casts doubt on it."""
+) -> Iterator[Finding]:
+    """Yield the figures of the alignment as a note, and what casts doubt on it."""
     name = temperature_record.name
     where = f"{name}, {drive_record.name}"
     profile = offset.profile
@@ -254,64 +249,55 @@ def _findings(
         f"The drive's clock plus {profile.mean_s:.2f} s is the thermometer's (standard uncertainty "
         f"{sd_s:.2f} s, by the {METHOD})."
     )
-    found = [Finding("alignment", "note", figures, where, test=name, values=values)]
-    doubt = ""
+    yield Finding("alignment", "note", figures, where, test=name, values=values)
+    doubt, severity = "", "error"
     if offset.gain < MIN_GAIN:
-        severity, doubt = "error", "the temperature does not follow the drive"
+        doubt = "the temperature does not follow the drive"
     elif profile.is_at_edge:
-        severity, doubt = (
-            "error",
-            f"the best offset may lie beyond the {max_offset_s:.0f} s searched",
-        )
+        doubt = f"the best offset may lie beyond the {max_offset_s:.0f} s searched"
     elif sd_s > MAX_SD_S:
         severity = "error" if sd_s > LOST_SD_S else "warning"
         doubt = f"several offsets fit, with a standard uncertainty of {sd_s:.1f} s"
-    else:
-        severity = "note"
     if doubt:
-        found.append(
-            Finding(
-                "alignment_uncertain",
-                severity,
-                f"Expected a clock offset known to {MAX_SD_S:.0f} s; {doubt}.",
-                where,
-                f"State it: {table_header('tests', name)} load_offset = SECONDS in the motor file. "
-                "Or record a step of the load in both logs.",
-                name,
-                values,
-            )
+        yield Finding(
+            "alignment_uncertain",
+            severity,
+            f"Expected a clock offset known to {MAX_SD_S:.0f} s; {doubt}.",
+            where,
+            f"State it: {table_header('tests', name)} load_offset = SECONDS in the motor file. "
+            "Or record a step of the load in both logs.",
+            name,
+            values,
         )
     rate, gain = best_rate(response, max_offset_s)
     if gain > RATE_GAIN:
-        found.append(
-            Finding(
-                "alignment_rate",
-                "error",
-                f"Expected clocks of equal rate; with {rate:.2f} s of the thermometer's clock for "
-                "each second of the drive's, the thermal response fits better (log likelihood "
-                f"+{gain:.0f}).",
-                where,
-                "Check whether rows of the drive's log are missing, or its rate is misstated.",
-                name,
-                {"rate": rate, "log_likelihood_gain": gain},
-            )
+        yield Finding(
+            "alignment_rate",
+            "error",
+            f"Expected clocks of equal rate; with {rate:.2f} s of the thermometer's clock for "
+            "each second of the drive's, the thermal response fits better (log likelihood "
+            f"+{gain:.0f}).",
+            where,
+            "Check whether rows of the drive's log are missing, or its rate is misstated.",
+            name,
+            {"rate": rate, "log_likelihood_gain": gain},
         )
-    return tuple(found)
 
 
 def _require_clock(record: Record) -> None:
     """Refuse a clock that does not run forwards; which part of it is right cannot be told."""
     time_s = record.time_s[is_measured(record.time_s)]
-    back = np.flatnonzero(np.diff(time_s) < 0.0)
-    if time_s.size < 2 or back.size:
-        came = (
-            f"it falls at {time_s[back[0]]:.2f} s" if back.size else f"it has {time_s.size} samples"
-        )
-        raise InputError(
-            f"Expected a clock that runs forwards; {came}.",
-            where=place(record, "time_s", float(time_s[back[0]])) if back.size else record.name,
-            remedy="Split the file there." if back.size else "Check that the file is complete.",
-        )
+    back = time_s[:-1][np.diff(time_s) < 0.0]
+    if back.size:
+        came, remedy = f"it falls at {back[0]:.2f} s", "Split the file there."
+        where = place(record, "time_s", float(back[0]))
+    elif time_s.size < 2:
+        came, remedy = f"it has {time_s.size} samples", "Check that the file is complete."
+        where = record.name
+    else:
+        return
+    problem = f"Expected a clock that runs forwards; {came}."
+    raise InputError(problem, where=where, remedy=remedy)
 
 
 def _heats(record: Record) -> Heats:

@@ -1,6 +1,6 @@
 """From the columns of a file to canonical channels, by the motor file or by known names."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,36 +19,26 @@ from ..record.channels import (
     parse_claims,
 )
 from ..record.header import read_heading
-from ..record.record import Finding, Record
+from ..record.record import Finding
 from ..record.table import Column, Table
-from ..record.units import QUANTITIES, find_unit, quantities_of, require_unit
+from ..record.units import QUANTITIES, find_unit, quantities_of
 from .labels import columns_of, is_sure, named_unit, speaks_of, words_in
 from .likely_names import SURE, read_name
-from .mapping import MappedColumns, overridden, statements, unit_of, unit_wanted
+from .mapping import MappedColumns, overridden, statements, unit_of
 
 ONLY_CLOCK, ITS_WORDS = "the one column of times", "its words"
 """What says that a column is the time where nobody has named it: a rate goes before both."""
 
 
 def map_columns(
-    table: Table,
-    columns: Columns | None = None,
-    *,
-    where: str,
-    is_part: bool = False,
+    table: Table, columns: Columns | None = None, *, where: str, is_part: bool = False
 ) -> MappedColumns:
     """Return the canonical channels of a table.
 
     The motor file's `[columns]` come first, then exact canonical names, then the built-in maps in
     their order, then names of which every word speaks for one channel; a channel found earlier is
-    not looked for again.
-
-    Args:
-        table: What a reader returned.
-        columns: `[columns]` of the motor file.
-        where: The file, for messages.
-        is_part: The file is one of several of the same test: a column that `[columns]` names and
-            the file does not have is a note, not an error.
+    not looked for again. Of a file that is part of a test, a column that `[columns]` names and the
+    file does not have is a note, not an error.
 
     Raises:
         InputError: If a named channel or column does not exist, two columns claim one channel, a
@@ -76,9 +66,10 @@ def map_columns(
         claim = _by_resistance(claim, column, where)
         _add_claimed(mapping, claim, column)
     _add_canonical(mapping, table.columns)
-    for column_map in COLUMN_MAPS:
-        if _num_present(column_map, pool) >= column_map.num_needed:
-            _add_by_map(mapping, column_map, pool)
+    for one in COLUMN_MAPS:
+        labels = [*one.entries.items(), *((label, "") for label in one.refused)]
+        if sum(bool(columns_of(*label, pool)) for label in labels) >= one.num_needed:
+            _add_by_map(mapping, one, pool)
     if mapping.rate_Hz is not None:
         mapping.excluded.add("time_s")  # a rate that is stated goes before a word
     _add_by_words(mapping, table.columns)
@@ -91,9 +82,8 @@ def map_columns(
     return mapping
 
 
-def _texts_for_numbers(mapping: MappedColumns, table: Table) -> list[Finding]:
-    """Return a finding for each column that would be a channel if it did not hold text."""
-    found = []
+def _texts_for_numbers(mapping: MappedColumns, table: Table) -> Iterator[Finding]:
+    """Yield a finding for each column that would be a channel if it did not hold text."""
     for name, text in table.text_columns.items():
         label = read_heading(name).label
         spoken = {label} | {
@@ -104,38 +94,14 @@ def _texts_for_numbers(mapping: MappedColumns, table: Table) -> list[Finding]:
         }
         lost = [channel for channel in REQUIRED if channel in spoken and mapping.wants(channel)]
         if text and lost:
-            found.append(
-                Finding(
-                    id="text_for_numbers",
-                    severity="warning",
-                    message=f"Expected numbers, got text, '{printable(text[:40])}' in its first "
-                    f"cell: {lost[0]} is left out.",
-                    where=f"{mapping.where}, column '{name}'",
-                    remedy="Export numbers, with their unit in the heading.",
-                )
+            yield Finding(
+                "text_for_numbers",
+                "warning",
+                f"Expected numbers, got text, '{printable(text[:40])}' in its first cell: "
+                f"{lost[0]} is left out.",
+                f"{mapping.where}, column '{name}'",
+                "Export numbers, with their unit in the heading.",
             )
-    return found
-
-
-def require(record: Record, channels: Sequence[str] = REQUIRED) -> None:
-    """Check that a record has channels, by default those that a fit needs.
-
-    Raises:
-        InputError: Naming the missing channels, what the file has and how to map them.
-    """
-    missing = [name for name in channels if name not in record]
-    if not missing:
-        return
-    meaning = ", ".join(
-        f"{name} ({CHANNEL[name].meaning})" if name in CHANNEL else name for name in missing
-    )
-    unit = CHANNEL[missing[0]].unit if missing[0] in CHANNEL else "unit"
-    raise InputError(
-        f"Missing: {meaning}. The file gives {', '.join(record.channels)}"
-        f"; not used: {', '.join(record.unused) or 'nothing'}.",
-        where=record.name,
-        remedy=f'Map each in the motor file: [columns] {missing[0]} = "COLUMN [{unit}]".',
-    )
 
 
 def _constants(table: Table) -> tuple[Column, ...]:
@@ -149,19 +115,20 @@ def _constants(table: Table) -> tuple[Column, ...]:
 
 
 def _claimed(
-    claim: Claim, pool: Iterable[Column], table: Table, where: str, is_part: bool
+    claim: Claim, pool: Sequence[Column], table: Table, where: str, is_part: bool
 ) -> Column | None:
     """Return the column that a line of `[columns]` names."""
-    pool = tuple(pool)
     quantity = CHANNEL[claim.channel].quantity
+    longer = [column for column in pool if column.label.startswith(claim.label)]
     for matches in (
         [column for column in pool if column.name == claim.text],
         [column for column in pool if claim.base and column.name == claim.base],
         [column for column in pool if claim.label in (column.name, column.label)],
         [column for column in pool if claim.text == column.label],
-        [column for column in pool if column.heading and claim.label in _headed(column)],
+        [one for one in pool if one.heading and claim.label in _headed(one)],
         [column for column in pool if claim.label == _stem(column, quantity)],
-        _with_unit_left(claim, pool),
+        # the one whose name goes on with a unit alone behind the name in `[columns]`
+        [one for one in longer if _unit_left(claim, one)] if len(longer) == 1 else [],
     ):
         if len(matches) > 1:
             raise _two_columns(claim.channel, matches, where)
@@ -227,12 +194,6 @@ def _stem(column: Column, quantity: str) -> str | None:
     return named.stem if named and is_sure(named.unit) and named.stem else None
 
 
-def _with_unit_left(claim: Claim, pool: Iterable[Column]) -> list[Column]:
-    """Return the one column whose name goes on with a unit alone behind the name in `[columns]`."""
-    found = [column for column in pool if column.label.startswith(claim.label)]
-    return found if len(found) == 1 and _unit_left(claim, found[0]) else []
-
-
 def _unit_left(claim: Claim, column: Column) -> str | None:
     """Return the unit that stands behind the name in `[columns]`, as K in "T_wdg K" for T_wdg."""
     if claim.unit is not None or not column.label.startswith(claim.label):
@@ -243,10 +204,9 @@ def _unit_left(claim: Claim, column: Column) -> str | None:
 
 
 def _add_combined(
-    mapping: MappedColumns, claim: Claim, pool: Iterable[Column], table: Table, is_part: bool
+    mapping: MappedColumns, claim: Claim, pool: Sequence[Column], table: Table, is_part: bool
 ) -> None:
     """Take the mean, the hottest or the sum of several columns for a channel."""
-    pool = tuple(pool)
     found = [_claimed(part, pool, table, mapping.where, is_part) for part in claim.parts]
     columns = [column for column in found if column is not None]
     if len(columns) < len(found):
@@ -266,27 +226,27 @@ def _add_combined(
 
 def _add_claimed(mapping: MappedColumns, claim: Claim, column: Column) -> None:
     channel = CHANNEL[claim.channel]
-    where = f"{mapping.where}, column '{column.name}' as {channel.name}"
     decided = claim.bracket if column.name == claim.base else claim.unit
     says_two = len(read_heading(claim.text).units) > 1
     if column.name == claim.text and (says_two or (column.heading and not claim.bracket)):
         decided = None  # slashes of a path mark no unit; two units say two things
     if decided is None or column.is_seconds:
         left = None if statements(column) else _unit_left(claim, column)
-        unit, unit_from = (left, "name") if left else unit_of(column, channel, where)
-        mapping.add(channel, column, unit, "[columns]", unit_from)
+        if left:
+            mapping.add(channel, column, left, "[columns]", "name")
+        else:
+            mapping.take(channel, column, "[columns]")
         return
-    remedy = unit_wanted(channel, column)
-    known = require_unit(decided, channel.quantity, where=where, remedy=remedy)
+    known = mapping.require_unit(decided, channel, column)
     if against := overridden(column, channel, decided):
         mapping.findings.append(
             Finding(
-                id="unit_overridden",
-                severity="warning",
-                message=f"{against.source[:1].upper()}{against.source[1:]} gives {against.text}, "
-                f"[columns] says {known.symbol}; {known.symbol} is used.",
-                where=f"{mapping.where}, column '{column.name}'",
-                remedy="Remove the unit from [columns] if the file is right.",
+                "unit_overridden",
+                "warning",
+                f"{against.at_start} gives {against.text}, [columns] says {known.symbol}; "
+                f"{known.symbol} is used.",
+                f"{mapping.where}, column '{column.name}'",
+                "Remove the unit from [columns] if the file is right.",
             )
         )
     # the name as it stands in the file says nothing of its own
@@ -294,20 +254,13 @@ def _add_claimed(mapping: MappedColumns, claim: Claim, column: Column) -> None:
     mapping.add(channel, column, decided, "[columns]", "stated", is_decided=is_decided)
 
 
-def _add_canonical(mapping: MappedColumns, columns: Iterable[Column]) -> None:
-    columns = tuple(columns)
-    for channel in CHANNEL.values():
-        if not mapping.wants(channel.name):
-            continue
+def _add_canonical(mapping: MappedColumns, columns: Sequence[Column]) -> None:
+    for channel in filter(lambda one: mapping.wants(one.name), CHANNEL.values()):
         matches = [column for column in columns if column.label == channel.name]
         if len(matches) > 1:
             raise _two_columns(channel.name, matches, mapping.where)
-        if not matches:
-            continue
-        (column,) = matches
-        where = f"{mapping.where}, column '{column.name}' as {channel.name}"
-        unit, unit_from = unit_of(column, channel, where)
-        mapping.add(channel, column, unit, "canonical name", unit_from)
+        for column in matches:
+            mapping.take(channel, column, "canonical name")
 
 
 def _add_only_clock(mapping: MappedColumns, pool: Iterable[Column]) -> None:
@@ -322,12 +275,6 @@ def _add_only_clock(mapping: MappedColumns, pool: Iterable[Column]) -> None:
             clocks.append(column)
     if len(clocks) == 1:
         mapping.add(CHANNEL["time_s"], clocks[0], "s", ONLY_CLOCK, "stated")
-
-
-def _num_present(column_map: ColumnMap, pool: Iterable[Column]) -> int:
-    pool = tuple(pool)
-    labels = [*column_map.entries.items(), *((label, "") for label in column_map.refused)]
-    return sum(bool(columns_of(label, channel, pool)) for label, channel in labels)
 
 
 def _add_by_map(mapping: MappedColumns, column_map: ColumnMap, pool: Iterable[Column]) -> None:
@@ -347,21 +294,17 @@ def _add_by_map(mapping: MappedColumns, column_map: ColumnMap, pool: Iterable[Co
             mapping.absent.add(id(column))
             mapping.findings.append(
                 Finding(
-                    id="not_recorded",
-                    severity="warning",
-                    message="All values are 0, which this bench writes for a channel that it does "
-                    f"not record: {name} is not read from it.",
-                    where=f"{mapping.where}, column '{column.name}'",
-                    remedy=f'If the zeros were measured, say so in [columns]: {name} = "{label}".',
+                    "not_recorded",
+                    "warning",
+                    "All values are 0, which this bench writes for a channel that it does not "
+                    f"record: {name} is not read from it.",
+                    f"{mapping.where}, column '{column.name}'",
+                    f'If the zeros were measured, say so in [columns]: {name} = "{label}".',
                 )
             )
             continue
-        channel = CHANNEL[name]
-        where = f"{mapping.where}, column '{column.name}' as {channel.name}"
         try:
-            unit, unit_from = unit_of(column, channel, where)
-            unit = unit or column_map.units.get(label)
-            mapping.add(channel, column, unit, column_map.name, unit_from)
+            mapping.take(CHANNEL[name], column, column_map.name, column_map.units.get(label))
         except InputError as error:
             raise InputError(
                 error.problem,
@@ -394,9 +337,8 @@ def _add_by_words(mapping: MappedColumns, columns: Iterable[Column]) -> None:
         channel = CHANNEL[name]
         if others or not read_name(words_in(column.label, channel.quantity)).is_clear:
             continue
-        where = f"{mapping.where}, column '{column.name}' as {name}"
         try:
-            unit, unit_from = unit_of(column, channel, where)
+            unit, unit_from = unit_of(column, channel, "")
         except InputError:
             continue
         if unit is not None:

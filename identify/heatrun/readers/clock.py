@@ -243,26 +243,20 @@ def _two_parts(parts: pd.DataFrame, name: str) -> Values:
         return Times(long, f"read as hours:minutes, for they have am or pm{long_wrapped}")
     forward = rises(short), rises(long)
     if forward == (False, True):
-        return Times(
-            long, f"read as hours:minutes, as minutes:seconds would run backwards{long_wrapped}"
-        )
+        note = "read as hours:minutes, as minutes:seconds would run backwards"
+        return Times(long, f"{note}{long_wrapped}")
     if forward == (True, False):
-        return Times(
-            short, f"read as minutes:seconds, as hours:minutes would run backwards{short_wrapped}"
-        )
+        note = "read as minutes:seconds, as hours:minutes would run backwards"
+        return Times(short, f"{note}{short_wrapped}")
     largest = float(np.nanmax(first))
     either = f"minutes:seconds ({_spoken(short)}) or hours:minutes ({_spoken(long)})"
     if largest >= SIZE["m"]:
-        return Times(
-            short,
-            f"read as minutes:seconds, for the first number goes up to {largest:.0f}",
-            doubt=f"The times may be {either}; minutes:seconds is taken, for the first number goes "
-            f"up to {largest:.0f}.",
-        )
+        why = f"for the first number goes up to {largest:.0f}"
+        doubt = f"The times may be {either}; minutes:seconds is taken, {why}."
+        return Times(short, f"read as minutes:seconds, {why}", doubt=doubt)
     problem = f"The times, {_example(parts)}, may be {either}; the file does not say which."
-    return Times(
-        short, "read as minutes:seconds", Question(problem, (f"{name} [mm:ss]", f"{name} [hh:mm]"))
-    )
+    question = Question(problem, (f"{name} [mm:ss]", f"{name} [hh:mm]"))
+    return Times(short, "read as minutes:seconds", question)
 
 
 def _other_parts(seconds: np.ndarray, parts: pd.DataFrame, name: str) -> Question | None:

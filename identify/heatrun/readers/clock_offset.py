@@ -272,11 +272,9 @@ class OffsetProfile:
 
 
 def search_offset(log_likelihood: Callable[[float], float], offset_s: np.ndarray) -> OffsetProfile:
-    """Search for an offset of two clocks, closer and closer to where its likelihood is.
+    """Search for an offset of two clocks, closer and closer to where its log likelihood is highest.
 
-    Args:
-        log_likelihood: Of an offset [s], up to a constant.
-        offset_s: What is tried first, increasing [s]; fine enough to show each peak.
+    The offsets that are tried first increase [s], and are fine enough to show each peak.
     """
     is_at_edge: bool | None = None
     while True:

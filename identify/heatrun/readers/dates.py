@@ -47,11 +47,8 @@ def read_dates(
 ) -> Values:
     """Read dates with a time, in the one order of day, month and year that they allow.
 
-    Args:
-        cells: Texts without blanks around them, shape (time,).
-        name: Name of the column, for the answers to a question.
-        order: Key of `PLACES` that the header states, or empty.
-        known_by: Why the order is known beforehand, or empty.
+    Cells have no blanks around them, shape (time,); the name is for the answers to a question. The
+    header may state an order, a key of `PLACES`; `known_by` says why it is known beforehand.
     """
     parts = cells.str.extract(f"^{DATE_TIME}$")
     triples = parts[["first", "middle", "last"]]
@@ -77,7 +74,8 @@ def read_dates(
     left, why = _possible(read, dates)
     best = left[0]
     seconds = read[best]
-    row = int(np.flatnonzero(np.isfinite(seconds))[0])
+    known = np.flatnonzero(np.isfinite(seconds))
+    row = int(known[0])
     start = cells.iloc[row]
     question = None
     if len(left) > 1:
@@ -85,12 +83,13 @@ def read_dates(
             f"{one} ({spoken_duration(float(np.nanmax(read[one]) - np.nanmin(read[one])))} in all)"
             for one in left
         )
-        end = cells.iloc[int(np.flatnonzero(np.isfinite(seconds))[-1])]
+        end = cells.iloc[int(known[-1])]
         question = Question(
             f"The dates, '{start}' to '{end}', may be {spans}; the file does not say which.",
             tuple(f"{name} [{FORMATS[one]}]" for one in left),
         )
-    note = f"read as {best} ({reason or why}), seconds from {start}"
+    shown = start.replace(f".{NO_YEAR} ", ". ")
+    note = f"read as {best} ({reason or why}), seconds from {shown}"
     day = _first_day(keys[row], best, read, why)
     minutes, rest = divmod(clock[row] + _zone_seconds(parts["zone"])[row], 60.0)
     hours, minutes = divmod(int(minutes), 60)
@@ -158,9 +157,13 @@ def _possible(read: Mapping[str, np.ndarray], dates: list[Date]) -> tuple[list[s
     left = [order for order in orders if known[order] == max(known.values())]
     if len(left) == 1:
         return left, f"decided by {_decisive(dates, left[0])}"
-    left = _distinct(read, left)
-    if len(left) == 1:
-        return left, NO_DIFFERENCE
+    unlike: list[str] = []
+    for order in left:
+        if not any(np.array_equal(read[order], read[one], equal_nan=True) for one in unlike):
+            unlike.append(order)
+    if len(unlike) == 1:
+        return unlike, NO_DIFFERENCE
+    left = unlike
     for is_possible, why in (
         (rises, "another order would run backwards"),
         (_has_no_long_pause, "another order would leave a pause of a year"),
@@ -181,20 +184,12 @@ def _decisive(dates: list[Date], order: str) -> str:
     return "the dates that exist"
 
 
-def _distinct(read: Mapping[str, np.ndarray], orders: list[str]) -> list[str]:
-    kept: list[str] = []
-    for order in orders:
-        if not any(np.array_equal(read[order], read[one], equal_nan=True) for one in kept):
-            kept.append(order)
-    return kept
-
-
 def _has_no_long_pause(seconds: np.ndarray) -> bool:
     steps = np.diff(seconds[np.isfinite(seconds)])
     return bool(np.all(steps < LONGEST_PAUSE_DAYS * DAY_S))
 
 
-STAMP = re.compile(r"(?P<year>[0-9]{4})-(?P<month>[0-9]{2})-(?P<day>[0-9]{2})(?![0-9])")
+STAMP = re.compile(r"([0-9]{4})-([0-9]{2})-([0-9]{2})(?![0-9])")
 
 CLOCK_OF_DAY, HEADER = "clock of the record", "header of the file"
 """What can say the day of a test."""
@@ -211,12 +206,7 @@ def day_of(start: str) -> str:
         ('2026-03-04', '', '')
     """
     found = STAMP.match(start)
-    if found is None or int(found["year"]) < FIRST_YEAR:
-        return ""
-    try:
-        return datetime.date.fromisoformat(found[0]).isoformat()
-    except ValueError:
-        return ""
+    return "" if found is None else _iso(*map(int, found.groups()))
 
 
 TIME_OF_DAY = re.compile(r"[T ]([0-9]{1,2}):([0-9]{2})(?::([0-9]+(?:\.[0-9]*)?))?")

@@ -226,7 +226,12 @@ class FollowedTest:
             ) from error
 
     def _look(self, file: BinaryIO) -> Followed:
-        self._refuse_other_formats(file)
+        if not is_text_table(file.read(HEAD_BYTES), str(self._path)):
+            raise NotFollowed(
+                "Only text tables can be followed while they are written.",
+                where=self._path.name,
+                remedy="Let the bench log to CSV, or look again when the test has ended.",
+            )
         data = self._growth.look(file)
         if data is None:
             at = time.strftime("%H:%M:%S")
@@ -242,14 +247,6 @@ class FollowedTest:
             return self._seen
         self._seen = self._snapshot()
         return self._seen
-
-    def _refuse_other_formats(self, file: BinaryIO) -> None:
-        if not is_text_table(file.read(HEAD_BYTES), str(self._path)):
-            raise NotFollowed(
-                "Only text tables can be followed while they are written.",
-                where=self._path.name,
-                remedy="Let the bench log to CSV, or look again when the test has ended.",
-            )
 
     def _start(self, data: bytes) -> None:
         try:

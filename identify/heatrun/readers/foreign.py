@@ -38,11 +38,8 @@ def reading(what: str, where: str) -> Iterator[None]:
     """Turn whatever a library does about a damaged file into an `InputError`.
 
     Within, nothing is printed or logged: the libraries of measurement formats print to stdout,
-    where `--json` puts its object alone. What they warn of, the readers check themselves.
-
-    Args:
-        what: The format, such as `"an MDF 4 file"`.
-        where: The file, for the message.
+    where `--json` puts its object alone. What they warn of, the readers check themselves. `what` is
+    the format, such as `"an MDF 4 file"`.
 
     Raises:
         InputError: In place of any other exception.

@@ -38,10 +38,7 @@ FEWEST_SAMPLES = 3
 def by_tag(table: Table, cells: dict[str, pd.Series], where: str) -> Table:
     """Return a table with a column for each tag, any other table as it is.
 
-    Args:
-        table: As read, with a column of times and one of values.
-        cells: The cells of the file by the name of their column.
-        where: The file, for messages.
+    `cells` are those of the file by the name of their column.
 
     Raises:
         InputError: If a tag has two values at one time.
@@ -203,20 +200,18 @@ def _marks(
 ) -> Finding:
     count, first = int(bad.sum()), int(np.flatnonzero(bad)[0])
     line = first + 1 if lines is None else int(lines[first])
-    said = (
-        f"{count} of {bad.size} readings are marked as not good by '{name}'; the first mark is "
-        f"'{mark}' in {'row' if lines is None else 'line'} {line}."
-    )
+    then = "They count as missing."
+    remedy = f"If they are good after all, export without '{name}'."
+    if not lost:
+        then = "No column is called so: none of its readings is left out."
+        remedy = "Call it as the column that it marks with 'Quality' behind: 'T1', 'T1 Quality'."
     return Finding(
-        id="unreadable_cells",
-        severity="warning",
-        message=f"{said} They count as missing."
-        if lost
-        else f"{said} No column is called so: none of its readings is left out.",
-        where=f"{where}, column{'s' * (len(lost) > 1)} {', '.join(lost or [name])}",
-        remedy=f"If they are good after all, export without '{name}'."
-        if lost
-        else "Call it as the column that it marks with 'Quality' behind: 'T1', 'T1 Quality'.",
+        "unreadable_cells",
+        "warning",
+        f"{count} of {bad.size} readings are marked as not good by '{name}'; the first mark is "
+        f"'{mark}' in {'row' if lines is None else 'line'} {line}. {then}",
+        f"{where}, column{'s' * (len(lost) > 1)} {', '.join(lost or [name])}",
+        remedy,
         values={"count": count, "first_line": line},
     )
 

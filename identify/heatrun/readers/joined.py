@@ -5,6 +5,7 @@ Within a bridged gap no reading is compared; the network runs through it on the 
 or on none. Each of two parts has start temperatures of its own.
 """
 
+import itertools
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from ..errors import InputError
 from ..io.own_files import refuse_own_file
 from ..io.toml_text import table_header
 from ..record.by_resistance import with_winding
-from ..record.channels import BODIES, CHANNEL
+from ..record.channels import CHANNEL, OF_LOAD, READINGS
 from ..record.derive import derive
 from ..record.motor import GapLoad, Motor, PartsOfTest
 from ..record.record import Finding, Record
@@ -44,13 +45,8 @@ NUMBER = re.compile(r"[0-9]+(\.[0-9]*)?|\.[0-9]+")
 def read_tests(path: Path | str, motor: Motor, *, at_gaps: bool = True) -> tuple[Record, ...]:
     """Read a test, in as many records as `[tests.NAME]` of the motor file has stretches of it.
 
-    Args:
-        path: As `read_test`.
-        motor: The machine.
-        at_gaps: As `parts_of`.
-
-    Returns:
-        One record; or one for each of several stretches, named `NAME_1`, `NAME_2` and so on.
+    One for each of several is named `NAME_1`, `NAME_2` and so on. Arguments as `read_test` and
+    `parts_of`.
 
     Raises:
         InputError: As `read_test`.
@@ -64,11 +60,8 @@ def parts_of(
 ) -> tuple[Record, ...]:
     """Return the parts of a record that count, their gaps bridged where the load is known.
 
-    Args:
-        record: The whole.
-        motor: Its `[tests.NAME]` say which parts are used, and what is masked.
-        stretch: The part that is asked for in place of those.
-        at_gaps: Whether a gap of unknown load parts a record too.
+    They are those that `[tests.NAME]` use, or the stretch that is asked for in their place. At gaps
+    of unknown load a record is parted too, if that is wanted.
 
     Raises:
         InputError: If a part or a mask holds no sample, or a mask covers the first one.
@@ -77,8 +70,7 @@ def parts_of(
     said_by = f"[tests.{record.name}] of the motor file"
     windows = parts.mask
     mask(record, windows, f"mask in {said_by}")  # a window without a sample is an error
-    if parts is not None:
-        record = bridge(record, parts.bridge, f"bridge in {said_by}")
+    record = bridge(record, parts.bridge, f"bridge in {said_by}")
     if stretch is not None:
         found = [cut(record, stretch, "asked for with the file")]
     else:
@@ -132,7 +124,10 @@ def read_whole_test(path: Path | str, motor: Motor) -> Record:
     if offset_s and not is_joined:
         said_by = f"load_offset in [tests.{record.name}] of the motor file"
         record = move_load(record, offset_s, said_by)
-    return _with_constants(record, motor)
+    channels, notes = derive(
+        record.channels, phases=motor.phases, losses=motor.losses, constants=motor.constants
+    )
+    return with_winding(replace(record, channels=channels, notes=(*record.notes, *notes)), motor)
 
 
 class _File(NamedTuple):
@@ -152,9 +147,8 @@ def _file(text: str) -> _File:
     found = None if _exists(text) else RATE.match(text)
     name, rate = (found["path"], found["rate"].strip()) if found else (text, None)
     sheet = None if _exists(name) else SHEET.match(name)
-    if sheet is None:
-        return _File(Path(name), None, rate)
-    return _File(Path(sheet["path"]), sheet["sheet"], rate)
+    name, of = (sheet["path"], sheet["sheet"]) if sheet else (name, None)
+    return _File(Path(name), of, rate)
 
 
 def files_of(path: Path | str) -> tuple[tuple[Path, str | None], ...]:
@@ -192,15 +186,6 @@ def _read_files(text: str, motor: Motor) -> tuple[Record, bool]:
     return replace(record, notes=(*record.notes, note)), True
 
 
-def _with_constants(record: Record, motor: Motor) -> Record:
-    """Return the record with the constants of the motor file, and what follows with them."""
-    channels, notes = derive(
-        record.channels, phases=motor.phases, losses=motor.losses, constants=motor.constants
-    )
-    held = replace(record, channels=channels, notes=(*record.notes, *notes))
-    return with_winding(held, motor)
-
-
 def _read(text: str, motor: Motor, *, is_part: bool = False) -> Record:
     path, sheet, rate = _file(text)
     if rate is not None and (path == Path() or not NUMBER.fullmatch(rate)):
@@ -231,14 +216,9 @@ SAME_LEVEL = 0.1
 SAME_K = 2.0
 """Within this the winding after a gap is where a held load brings it [K]."""
 
-OF_LOAD = frozenset(
-    ("phase current", "dq current", "direct current", "power", "torque", "speed", "voltage")
-)
-"""Quantities that are the load."""
-
 
 def over_gaps(record: Record, load: GapLoad | None, *, splits: bool) -> tuple[Record, ...]:
-    """Return a record with its gaps bridged, or its parts.
+    """Return a record with its gaps bridged, or its parts, without a name of their own yet.
 
     Args:
         record: A record, or a part of one.
@@ -246,9 +226,6 @@ def over_gaps(record: Record, load: GapLoad | None, *, splits: bool) -> tuple[Re
             stays as it is; in a longer one the load was held if it is the same on both sides and
             the winding has gone on as it would under it, else it is not known.
         splits: Whether a gap of unknown load parts the record; if not, it stays as it is.
-
-    Returns:
-        One record, or several without a name of their own yet.
     """
     record = _without_empty(record)
     time_s = record.time_s
@@ -257,31 +234,24 @@ def over_gaps(record: Record, load: GapLoad | None, *, splits: bool) -> tuple[Re
         return (record,)
     usual = float(np.median(steps))
     shortest = GAP_STEPS * usual if load else max(GAP_STEPS * usual, MAX_GAP_S)
-    parts, bridged, begin = [], [], 0
-    for at in np.flatnonzero(steps > shortest):
-        how = load or ("held" if _goes_on(record, int(at)) else "unknown")
+    ends, bridged = [], []
+    for at in map(int, np.flatnonzero(steps > shortest)):
+        how = load or ("held" if _goes_on(record, at) else "unknown")
         if how != "unknown":
-            bridged.append((int(at), how))
+            bridged.append((at, how))
         elif splits:
-            parts.append((begin, int(at)))
-            begin = int(at) + 1
+            ends.append(at)
     is_stated = load is not None
     whole = _bridged(record, bridged, usual, is_stated)
-    if not parts:
+    if not ends:
         return (whole,)
-    bounds = [*parts, (begin, time_s.size - 1)]
-    found = [
-        cut(whole, Stretch(float(time_s[first]), float(time_s[last])), "split at a gap")
-        for first, last in bounds
-    ]
-    told = [_split(record, bounds[k][1], is_stated) for k in range(len(parts))]
-    return (
-        found[0],
-        *(
-            replace(one, findings=(*one.findings, finding))
-            for one, finding in zip(found[1:], told, strict=True)
-        ),
-    )
+    found = []
+    for before, end in itertools.pairwise((-1, *ends, time_s.size - 1)):
+        stretch = Stretch(float(time_s[before + 1]), float(time_s[end]))
+        part = cut(whole, stretch, "split at a gap")
+        split = (_split(record, before, is_stated),) if found else ()
+        found.append(replace(part, findings=(*part.findings, *split)))
+    return tuple(found)
 
 
 def _without_empty(record: Record) -> Record:
@@ -339,7 +309,7 @@ def _bridged(
     for name, values in record.channels.items():
         if name == "time_s":
             added = np.asarray(knots)
-        elif name == "winding_degC" or name in BODIES:
+        elif name in READINGS:
             added = np.full(at.size, np.nan)
         elif name in CHANNEL and CHANNEL[name].quantity in OF_LOAD:
             level = [0.0 if how == "zero" else _level(time_s, values, place) for place, how in gaps]

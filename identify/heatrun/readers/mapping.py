@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..errors import InputError
-from ..io.quantities import aligned
+from ..io.quantities import aligned, as_printed
 from ..record.by_resistance import by_resistance
 from ..record.channels import CHANNEL, Channel, combine, known_by, sensors_differ
 from ..record.derive import constants_of, formulas
@@ -56,15 +56,13 @@ def statements(column: Column) -> tuple[Stated, ...]:
 
 
 def unit_of(column: Column, channel: Channel, where: str) -> tuple[str | None, UnitSource]:
-    """Return the unit text of a column that becomes a channel, and how it is known.
+    """Return the unit text of a column that becomes a channel, and how it is known; None if nobody
+    says.
 
     Statements are the marked units of the name, the row of units, comment lines and what the file
     keeps beside the name. All of them must be units of the channel's quantity and mean the same;
     what does not is a question for `[columns]` and never decided here. Without a statement, a unit
-    that is part of the name counts (`heatrun.readers.labels`), and without that nobody says.
-
-    Returns:
-        The text, None if nobody says.
+    that is part of the name counts (`heatrun.readers.labels`).
 
     Raises:
         InputError: If a statement is no unit of the channel's quantity, two of them contradict
@@ -91,7 +89,7 @@ def unit_of(column: Column, channel: Channel, where: str) -> tuple[str | None, U
     named = named_unit(column.label, quantity)
     if named is not None:
         if named.doubt:
-            raise _doubt(f"{named.doubt}.", (named.unit,), channel, column, where)
+            raise _doubt(f"{named.doubt}.", named.unit, channel, column, where)
         require_unit(named.unit, quantity, where=where, remedy=unit_wanted(channel, column))
         return named.unit, "name"
     return _by_general(column, channel, where)
@@ -140,14 +138,10 @@ def _by_general(column: Column, channel: Channel, where: str) -> tuple[str | Non
         return clear[0].text, "stated"
     for one in general:
         if find_unit(one.text, channel.quantity) != find_unit(channel.unit, channel.quantity):
-            problem = f"{one.source[:1].upper()}{one.source[1:]} mentions {one.text}; nothing "
-            raise _doubt(
-                f"{problem}states whether it is the unit of this column.",
-                (one.text,),
-                channel,
-                column,
-                where,
+            problem = (
+                f"{one.at_start} mentions {one.text}; nothing states whether it is the unit of "
             )
+            raise _doubt(f"{problem}this column.", one.text, channel, column, where)
     return None, "assumed"
 
 
@@ -173,17 +167,15 @@ def _conflict(
 ) -> InputError:
     source = "the unit behind it" if first.source == second.source else second.source
     return InputError(
-        f"{first.source[:1].upper()}{first.source[1:]} says {first.text}, {source} {second.text}.",
+        f"{first.at_start} says {first.text}, {source} {second.text}.",
         where=where,
         remedy=f"Decide in the motor file: {line_of(channel, column, first.text)} or "
         f"{line_of(channel, column, second.text)}.",
     )
 
 
-def _doubt(
-    problem: str, units: tuple[str, ...], channel: Channel, column: Column, where: str
-) -> InputError:
-    known = [unit for unit in units if channel.quantity in quantities_of(unit)]
+def _doubt(problem: str, unit: str, channel: Channel, column: Column, where: str) -> InputError:
+    known = [unit] if channel.quantity in quantities_of(unit) else []
     lines = " or ".join(line_of(channel, column, unit) for unit in (None, *known))
     return InputError(problem, where=where, remedy=f"Say it in the motor file: {lines}.")
 
@@ -257,6 +249,25 @@ class MappedColumns:
         """Return whether a channel is still to be looked for."""
         return channel not in self.channels and channel not in self.excluded
 
+    def _place(self, column: Column, channel: Channel) -> str:
+        return f"{self.where}, column '{column.name}' as {channel.name}"
+
+    def require_unit(self, unit: str, channel: Channel, column: Column) -> Unit:
+        """Return a unit that is said of a column; as `heatrun.record.units.require_unit`."""
+        where, remedy = self._place(column, channel), unit_wanted(channel, column)
+        return require_unit(unit, channel.quantity, where=where, remedy=remedy)
+
+    def take(
+        self, channel: Channel, column: Column, source: str, otherwise: str | None = None
+    ) -> None:
+        """Take a column in the unit that the file gives, or in another where it gives none.
+
+        Raises:
+            InputError: As `unit_of` and `add`.
+        """
+        unit, unit_from = unit_of(column, channel, self._place(column, channel))
+        self.add(channel, column, unit or otherwise, source, unit_from)
+
     def add(
         self,
         channel: Channel,
@@ -276,7 +287,7 @@ class MappedColumns:
             InputError: If the unit is not one of the channel's quantity, or the file leaves
                 open how the column is to be read.
         """
-        where = f"{self.where}, column '{column.name}' as {channel.name}"
+        where = self._place(column, channel)
         if column.question is not None:
             raise column.question.asked(channel.name, where)
         if not is_decided and (factor := FACTOR.search(column.label)):
@@ -287,9 +298,7 @@ class MappedColumns:
                 remedy=f"State their unit in the motor file: {line_of(channel, column)}, or "
                 "another; if none fits, export the values without the factor.",
             )
-        remedy = unit_wanted(channel, column)
-        known = require_unit(unit or channel.unit, channel.quantity, where=where, remedy=remedy)
-        values = to_canonical(column.values, known)
+        known = self.require_unit(unit or channel.unit, channel, column)
         said = f"in {known.symbol}" if unit else f"no unit given, taken as {known.symbol}"
         read = f", {column.note}" if column.note else ""
         self.notes.append(f"{channel.name} from column '{column.name}' ({source}; {said}{read}).")
@@ -299,13 +308,11 @@ class MappedColumns:
         if is_decided:
             self.decided.add(channel.name)
         self.taken[channel.name] = column
-        self.channels[channel.name] = values
-        is_kind_known = source == "[columns]" and bool(KIND.search(unit or ""))
-        doubt = None if is_kind_known else doubt_of_kind(channel, column, known.symbol, where)
-        self.findings += [doubt] if doubt else []
+        self.channels[channel.name] = to_canonical(column.values, known)
+        if source != "[columns]" or not KIND.search(unit or ""):
+            self.findings += _doubt_of_kind(channel, column, known.symbol, where)
         if unit_from == "stated" and not is_decided:
-            letter = _other_letter(channel, column, known, where)
-            self.findings += [letter] if letter else []
+            self.findings += _other_letter(channel, column, known, where)
 
     def add_combined(
         self,
@@ -341,8 +348,8 @@ class MappedColumns:
         each = (sensors_differ(*one, time_s, self.where) for one in self.read_of.items())
         return tuple(finding for finding in each if finding is not None)
 
-    def used_twice(self) -> list[Finding]:
-        """Return a finding for each column that stands for more than one channel.
+    def used_twice(self) -> Iterator[Finding]:
+        """Yield a finding for each column that stands for more than one channel.
 
         An error where it is the winding too, whose rise above the other would be nil, or is read in
         several quantities; else a warning: one sensor may be coolant and ambient.
@@ -350,88 +357,63 @@ class MappedColumns:
         users: dict[int, list[str]] = {}
         for name, column in self.taken.items():
             users.setdefault(id(column), []).append(name)
-        return [
-            Finding(
-                id="column_used_twice",
-                severity="error" if _excludes(names) else "warning",
-                message=f"One column is read as {' and as '.join(names)}.",
-                where=f"{self.where}, column '{self.taken[names[0]].name}'",
-                remedy="Give each its own column in [columns], or remove the line of the one that "
-                "the file does not have.",
-            )
-            for names in users.values()
-            if len(names) > 1
-        ]
+        for names in users.values():
+            if len(names) > 1:
+                is_unlike = len({CHANNEL[one].quantity for one in names}) > 1
+                yield Finding(
+                    "column_used_twice",
+                    "error" if "winding_degC" in names or is_unlike else "warning",
+                    f"One column is read as {' and as '.join(names)}.",
+                    f"{self.where}, column '{self.taken[names[0]].name}'",
+                    "Give each its own column in [columns], or remove the line of the one that "
+                    "the file does not have.",
+                )
 
 
-def _excludes(channels: Sequence[str]) -> bool:
-    """Return whether one column cannot be all of these channels."""
-    return "winding_degC" in channels or len({CHANNEL[one].quantity for one in channels}) > 1
-
-
-def doubt_of_kind(channel: Channel, column: Column, symbol: str, where: str) -> Finding | None:
-    """Return the finding about a current that is read as rms and called an amplitude, or the other
-    way round; None where nothing speaks against the reading.
-    """
-    prefix = symbol.partition("_")[0]
-    said = next((one for one in column.beside if one.scope == "kind"), None)
+def _doubt_of_kind(channel: Channel, column: Column, symbol: str, where: str) -> Iterator[Finding]:
+    """Yield the finding about a current that is read as rms or amplitude and called the other."""
+    said = next((one.at_start for one in column.beside if one.scope == "kind"), "")
     if channel.quantity == "phase current" and not symbol.endswith("_peak"):
-        if said is None and not AMPLITUDE.search(column.label):
-            return None
-        source = said.source if said else "the name"
-        message = f"{source[:1].upper()}{source[1:]} mentions an amplitude, the unit is read as "
-        remedy = (
-            f"Write '{column.label} [{prefix}_peak]' in [columns] if it is an amplitude, "
-            f"'{column.label} [{prefix}_rms]' if not."
-        )
+        id, kind, other = "current_maybe_amplitude", "peak", "rms"
+        source = said or ("The name" if AMPLITUDE.search(column.label) else "")
+        words, meant = "an amplitude, the unit is read as ", "an amplitude"
     elif channel.quantity == "dq current" and not symbol.endswith("_rms"):
-        if not EFFECTIVE.search(column.label):
-            return None
-        message = "The name mentions rms values (amplitude / √2), the unit is read as amplitude, "
-        remedy = (
-            f"Write '{column.label} [{prefix}_rms]' in [columns] if it is rms, "
-            f"'{column.label} [{prefix}_peak]' if not."
-        )
+        id, kind, other = "current_maybe_rms", "rms", "peak"
+        source = "The name" if EFFECTIVE.search(column.label) else ""
+        words, meant = "rms values (amplitude / √2), the unit is read as amplitude, ", "rms"
     else:
-        return None
-    return Finding(
-        id="current_maybe_amplitude"
-        if channel.quantity == "phase current"
-        else "current_maybe_rms",
-        severity="warning",
-        message=f"{message}{symbol}.",
-        where=where,
-        remedy=remedy,
-    )
+        return
+    if source:
+        unit = symbol.partition("_")[0]
+        yield Finding(
+            id,
+            "warning",
+            f"{source} mentions {words}{symbol}.",
+            where,
+            f"Write '{column.label} [{unit}_{kind}]' in [columns] if it is {meant}, "
+            f"'{column.label} [{unit}_{other}]' if not.",
+        )
 
 
-def _other_letter(channel: Channel, column: Column, known: Unit, where: str) -> Finding | None:
-    """Return a finding if a name ends in a letter that is another unit than the stated one.
+def _other_letter(channel: Channel, column: Column, known: Unit, where: str) -> Iterator[Finding]:
+    """Yield a finding if the name of a power ends in a letter that is another unit than the stated.
 
     A letter may be anything, the W of a winding or the A of a phase; so it is no conflict.
     """
-    letter = LETTER.search(column.label)
+    letter = LETTER.search(column.label) if channel.quantity == "power" else None
     named = find_unit(letter["unit"], channel.quantity) if letter else None
-    if named is None or letter is None or letter["unit"] != named.symbol or named == known:
-        return None
-    if channel.quantity != "power":  # "I_A" is the current of a phase, "T_K" that of the coolant
-        return None
-    return Finding(
-        id="unit_beside_name",
-        severity="warning",
-        message=f"The name ends in {letter['unit']}, the unit that is stated is {known.symbol}, "
-        "which is used.",
-        where=where,
-        remedy=f"Confirm it in the motor file: {line_of(channel, column, known.symbol)}.",
-    )
+    if named is not None and letter is not None and letter["unit"] == named.symbol != known.symbol:
+        yield Finding(
+            "unit_beside_name",
+            "warning",
+            f"The name ends in {letter['unit']}, the unit that is stated is {known.symbol}, "
+            "which is used.",
+            where,
+            f"Confirm it in the motor file: {line_of(channel, column, known.symbol)}.",
+        )
 
 
-KNOWN_BY = {
-    "stated": "stated",
-    "name": "the name",
-    "assumed": "ASSUMED",
-    "derived": "derived",
-}
+KNOWN_BY = {"stated": "stated", "name": "the name", "assumed": "ASSUMED", "derived": "derived"}
 """How a unit is known, in words."""
 
 HEAD = ("channel", "column", "unit", "unit known by", "column known by")
@@ -520,6 +502,6 @@ def assumption(channels: Sequence[str]) -> str:
 
 
 def _cut(text: str) -> str:
-    clean = "".join(c if c.isprintable() else "?" for c in text)
+    clean = as_printed(text)
     # Names of one system begin alike and often end alike: the middle goes.
     return clean if len(clean) <= LONGEST else f"{clean[:KEPT]}…{clean[KEPT + 1 - LONGEST :]}"

@@ -112,17 +112,13 @@ def courses(leaf: Leaf, length: int) -> list[tuple[str, str, np.ndarray]] | None
         or values.shape[0] == values.shape[1]
     ):
         return None
-    if values.shape[0] == length:
-        return [
-            (f"{leaf.name}(:,{k})", f"{leaf.heading} {k}", values[:, k - 1])
-            for k in range(1, values.shape[1] + 1)
-        ]
-    if values.shape[1] == length:
-        return [
-            (f"{leaf.name}({k},:)", f"{leaf.heading} {k}", values[k - 1])
-            for k in range(1, values.shape[0] + 1)
-        ]
-    return None
+    if length not in values.shape:
+        return None
+    is_by_row = values.shape[0] == length
+    return [
+        (f"{leaf.name}({f':,{k}' if is_by_row else f'{k},:'})", f"{leaf.heading} {k}", one)
+        for k, one in enumerate(values.T if is_by_row else values, 1)
+    ]
 
 
 def is_vector(values: np.ndarray) -> bool:
@@ -135,6 +131,10 @@ DIMENSION_ALONE = "This is a netCDF dimension but not a netCDF variable"
 
 WHAT = "a MAT file"
 REMEDY = "Save the signals as numeric vectors of one length: save('test.mat', 't', 'Is', …)."
+OF_OBJECTS = (
+    "Save times and values of an object as vectors: t = run.Time; T = run.Data; "
+    "save('test.mat', 't', 'T', …)."
+)
 OF_GROUPS = (
     "Save vectors of another length, with their time, as a file of their own: A.h5+B.h5 joins."
 )
@@ -143,10 +143,9 @@ OF_GROUPS = (
 def read_mat(data: bytes, where: str) -> Table:
     """Read a MAT file of versions 5 to 7.
 
-    Returns:
-        Numeric vectors of one common length as columns, also those in structs
-        (`log.winding_degC`) and cells, and the columns of matrices (`T(:,2)`); scalars as
-        constants. What is neither (timeseries and other objects) is left out with a finding.
+    Numeric vectors of one common length are columns, also those in structs (`log.winding_degC`) and
+    cells, and the columns of matrices (`T(:,2)`); scalars are constants. What is neither
+    (timeseries and other objects) is left out with a finding.
 
     Raises:
         InputError: If the file is damaged, of another version or holds no numeric vector.
@@ -174,9 +173,8 @@ def _plain(value: Value) -> Nested:
 def read_hdf5(data: bytes, where: str) -> Table:
     """Read a MAT file of version 7.3, or another HDF5 file with vectors in it or in its groups.
 
-    Returns:
-        As `read_mat`; units, scaling and marks of missing values that stand as attributes beside
-        the numbers are followed, also those of netCDF 4.
+    Units, scaling and marks of missing values that stand as attributes beside the numbers are
+    followed, also those of netCDF 4.
 
     Raises:
         InputError: As `read_mat`.
@@ -443,7 +441,7 @@ def _joined(
     )
     return Table(
         tuple(columns), {}, {leaf.name: float(_numbers(leaf)[0]) for leaf in scalars},
-        (f"{len(groups)} groups, each with the times of its own.",), findings, reader,
+        (f"{len(groups)} groups, each with the times of its own.",), tuple(findings), reader,
         is_by_tag=True,
     )  # fmt: skip
 
@@ -451,9 +449,7 @@ def _joined(
 def _titles(
     variables: Mapping[str, Nested], found: Sequence[Leaf], length: int
 ) -> dict[str, tuple[str, list[str]]]:
-    """Return the matrix of as many columns as a cell of texts has elements, to name and elements
-    of that.
-    """
+    """Return matrices with as many columns as a cell has texts, to its name and the texts."""
     widths = {leaf.name: len(parts) for leaf in found if (parts := courses(leaf, length))}
     named = {}
     for name, cell in variables.items():
@@ -474,40 +470,29 @@ def _kind(value: Stored | str) -> str:
 
 def _remedy(found: Sequence[Leaf]) -> str:
     is_object = any(isinstance(one.value, str) and "object" in one.value for one in found)
-    return (
-        "Save times and values of an object as vectors: t = run.Time; T = run.Data; "
-        "save('test.mat', 't', 'T', …)."
-        if is_object
-        else REMEDY
-    )
+    return OF_OBJECTS if is_object else REMEDY
 
 
 def _left_out(
     found: Sequence[Leaf], length: int, where: str, *, is_grouped: bool
-) -> tuple[Finding, ...]:
-    if not found:
-        return ()
-    names = [f"{one.name} ({_kind(one.value)})" for one in found]
-    return (
-        Finding(
-            id="variables_left_out",
-            severity="warning",
-            message=f"Not vectors of {length} numbers and left out: {', '.join(names)}.",
-            where=where,
-            remedy=OF_GROUPS if is_grouped else _remedy(found),
+) -> Iterator[Finding]:
+    if found:
+        names = [f"{one.name} ({_kind(one.value)})" for one in found]
+        yield Finding(
+            "variables_left_out",
+            "warning",
+            f"Not vectors of {length} numbers and left out: {', '.join(names)}.",
+            where,
+            OF_GROUPS if is_grouped else _remedy(found),
             values={"count": len(names), "length": length},
-        ),
-    )
+        )
 
 
 CLASSIC = "a classic netCDF file"
 
 
 def read_netcdf3(data: bytes, where: str) -> Table:
-    """Read a classic netCDF file.
-
-    Returns:
-        As `heatrun.readers.mat.read_hdf5`.
+    """Read a classic netCDF file; as `read_hdf5`.
 
     Raises:
         InputError: If the file is damaged or holds no numeric vector.

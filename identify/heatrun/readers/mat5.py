@@ -52,10 +52,7 @@ a struct; for all others a plain string says of what kind they are."""
 
 
 def read_variables(data: bytes) -> dict[str, Value]:
-    """Return the variables of a MATLAB 5 file.
-
-    Returns:
-        By name the values, numbers as float64 in the shape that MATLAB shows.
+    """Return the variables of a MATLAB 5 file by name, numbers as float64 in MATLAB's shape.
 
     Raises:
         BrokenFileError: If the file is cut or damaged.

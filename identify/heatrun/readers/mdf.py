@@ -212,10 +212,7 @@ def _text(channel: Any, parts: object) -> str:
 def _refusal(channel: Any) -> tuple[str, str] | None:
     conversion = channel.conversion
     if conversion is None and channel.conversion_addr:  # the library would return raw values
-        return (
-            "The conversion of the channel is damaged.",
-            "Copy the file again from the bench.",
-        )
+        return ("The conversion of the channel is damaged.", "Copy the file again from the bench.")
     if conversion is None or conversion.conversion_type != FORMULA:
         return None
     return (
@@ -252,21 +249,16 @@ def _values(file: Any, number: int, index: int) -> np.ndarray:
     samples, invalid = file.get(
         group=number, index=index, raw=True, samples_only=True, ignore_invalidation_bits=True
     )
-    values = _converted(np.asarray(samples), channel.conversion)
+    values, conversion = np.asarray(samples).astype(np.float64), channel.conversion
+    if conversion is not None and conversion.conversion_type in PLAIN_CONVERSIONS:
+        values = np.array(conversion.convert(values), dtype=np.float64)
+    if values.ndim != 1:
+        raise ValueError(f"samples of shape {values.shape}")
     if channel.flags & ALL_INVALID:
         return np.full(values.size, np.nan)
     if channel.flags & INVALID_BIT and invalid is not None:
         values[np.asarray(invalid, dtype=bool)] = np.nan
     values[np.isinf(values)] = np.nan
-    return values
-
-
-def _converted(samples: np.ndarray, conversion: Any) -> np.ndarray:
-    values = samples.astype(np.float64)
-    if conversion is not None and conversion.conversion_type in PLAIN_CONVERSIONS:
-        values = np.array(conversion.convert(values), dtype=np.float64)
-    if values.ndim != 1:
-        raise ValueError(f"samples of shape {values.shape}")
     return values
 
 

@@ -80,11 +80,8 @@ class Header:
             label, unit = split_name(stored.name)
             samples = (values or {}).get(name, blank[name in zeros])
             beside = (Stated(stored.unit, "the unit beside it"),) if stored.unit else ()
-            columns.append(
-                Column(
-                    name, label, unit or stored.unit, samples, beside=beside, heading=stored.name
-                )
-            )
+            unit = unit or stored.unit
+            columns.append(Column(name, label, unit, samples, beside=beside, heading=stored.name))
         return Table(tuple(columns), self.texts)
 
 
@@ -116,14 +113,7 @@ def header_of(measurement: Measurement, columns: Columns) -> Header:
             texts[name] = stored.text
         else:
             channels[name] = stored
-    clock = Column(
-        time,
-        split_name(time)[0],
-        "s",
-        np.ones(1),
-        note,
-        is_clock=True,
-        unit_from=measurement.time_unit_from,
-        start=measurement.start,
-    )
+    known_from, start = measurement.time_unit_from, measurement.start
+    clock = Column(time, split_name(time)[0], "s", np.ones(1), note, is_clock=True,
+                   unit_from=known_from, start=start)  # fmt: skip
     return Header(channels, texts, clock)

@@ -5,7 +5,7 @@ voltages and currents, are formed at their full rate and averaged afterwards. Th
 is not the product of the means.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -30,24 +30,13 @@ joined by straight lines in any case, see `heatrun.record.reduction`."""
 
 
 def read_measurement(
-    measurement: Measurement,
-    motor: Motor,
-    columns: Columns,
-    *,
-    where: str,
-    is_part: bool = False,
+    measurement: Measurement, motor: Motor, columns: Columns, *, where: str, is_part: bool = False
 ) -> tuple[Table, MappedColumns]:
-    """Read the channels that a record needs, onto one time axis.
+    """Read the channels that a record needs, onto one time axis; arguments as `map_columns`.
 
-    Args:
-        measurement: The file.
-        motor: Its `raster_s` is the step of the time axis [s]; by default the samples of the
-            winding are the axis, without a winding those of the slowest channel. Channels of a
-            single rate stay as they are. Its constants do not become channels here.
-        columns: `[columns]` of the motor file for this test.
-        where: The file, for messages.
-        is_part: As `heatrun.readers.channel_map.map_columns`; another part may hold what the motor
-            file states for want of a column.
+    The step of the axis is `raster_s` of the motor [s]; by default the samples of the winding are
+    the axis, without a winding those of the slowest channel. Channels of a single rate stay as they
+    are. Constants do not become channels here: another part may hold them.
 
     Returns:
         What the file says about itself, as a table without its samples, and the channels: in
@@ -88,8 +77,7 @@ def read_measurement(
             if all(name in axis.values for name in filled.names(key))
         })  # fmt: skip
     _refuse_parts_apart(mapped, own, where)
-    notes: tuple[str, ...] = ()
-    findings: tuple[Finding, ...] = ()
+    notes, findings = (), ()
     channels = own[0]
     time_s = axes[0].time_s
     if len(axes) > 1 or (raster_s is not None and axes[0].has_times):
@@ -115,8 +103,7 @@ def read_measurement(
 def read_all(measurement: Measurement, *, where: str) -> Table:
     """Read every channel of numbers onto one time axis, under the names of the file.
 
-    Returns:
-        The table; channels faster than the slowest are averaged plainly, in the file's units.
+    Channels faster than the slowest are averaged plainly, in the file's units.
 
     Raises:
         InputError: As `read_measurement`.
@@ -166,12 +153,9 @@ def _require_readable(header: Header, mapped: MappedColumns, where: str) -> None
     """Refuse a needed channel that is not read as numbers."""
     named = [(channel, name) for channel in mapped.taken for name in mapped.names(channel)]
     for channel, name in named:
-        stored = header.channels.get(name)
-        if stored is None:
-            continue
-        at = f"{where}, channel '{name}' as {channel}"
-        if stored.refusal:
-            raise InputError(stored.refusal[0], where=at, remedy=stored.refusal[1])
+        if name in header.channels and (refusal := header.channels[name].refusal):
+            at = f"{where}, channel '{name}' as {channel}"
+            raise InputError(refusal[0], where=at, remedy=refusal[1])
 
 
 def _nothing_known(header: Header, where: str) -> InputError:
@@ -223,21 +207,18 @@ def _sketch(values: np.ndarray) -> np.ndarray:
 
 def _late_products(
     channels: Mapping[str, np.ndarray], follow: Follow, where: str
-) -> tuple[Finding, ...]:
-    """Return a finding for each channel that can only follow from averages."""
+) -> Iterator[Finding]:
+    """Yield a finding for each channel that can only follow from averages."""
     sketch = {key: _sketch(values) for key, values in channels.items()}
-    _, followed = _followed(sketch, follow)
-    return tuple(
-        Finding(
-            id="derived_from_means",
-            severity="warning",
-            message=f"{key} is formed of averages, since its factors have different rates ({note}) "
+    for key, note in _followed(sketch, follow)[1].items():
+        yield Finding(
+            "derived_from_means",
+            "warning",
+            f"{key} is formed of averages, since its factors have different rates ({note}) "
             "What the factors do together within a step of the raster is lost.",
-            where=where,
-            remedy="Record the factors in one group, or the power itself.",
+            where,
+            "Record the factors in one group, or the power itself.",
         )
-        for key, note in followed.items()
-    )
 
 
 RMS_QUANTITY = "phase current"
@@ -266,9 +247,9 @@ def axes_of(series: Mapping[str, Series], where: str) -> list[Axis]:
     """
     untimed = {name: one.values for name, one in series.items() if one.time_s is None}
     if untimed and len(untimed) < len(series):
-        timed = [name for name in series if name not in untimed]
+        timed = next(name for name in series if name not in untimed)
         raise InputError(
-            f"Channel '{next(iter(untimed))}' has no times, channel '{timed[0]}' has.",
+            f"Channel '{next(iter(untimed))}' has no times, channel '{timed}' has.",
             where=where,
             remedy="Record all channels with their times, or map only those that have them.",
         )
@@ -286,19 +267,18 @@ def axes_of(series: Mapping[str, Series], where: str) -> list[Axis]:
     for name, one in series.items():
         time_s = one.time_s
         assert time_s is not None  # untimed channels are dealt with above
+        if time_s.size == 0:
+            raise InputError(
+                "Expected at least one sample, found none.",
+                where=f"{where}, channel '{name}'",
+                remedy="Check that the recording contains the samples.",
+            )
         for axis in axes:
             if axis.time_s is time_s or np.array_equal(axis.time_s, time_s, equal_nan=True):
                 axis.values[name] = one.values
                 break
         else:
             axes.append(Axis(time_s, {name: one.values}))
-    for axis in axes:
-        if axis.time_s.size == 0:
-            raise InputError(
-                "Expected at least one sample, found none.",
-                where=f"{where}, channel '{next(iter(axis.values))}'",
-                remedy="Check that the recording contains the samples.",
-            )
     return axes
 
 

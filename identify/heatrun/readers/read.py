@@ -15,6 +15,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..io.open_file import digest_of, open_input, read_stream, unzip
+from ..io.quantities import as_printed
 from ..record.channels import Columns, constant_notes, positive_rate, resistance_conflict
 from ..record.derive import derive
 from ..record.motor import Motor
@@ -97,11 +98,7 @@ def read_raw(path: str | Path) -> Table:
     The format is told from the content: text (CSV and the like), MATLAB 5 and 7.3, HDF5, netCDF 3
     and 4, Parquet, Excel; each of them also compressed by gzip; MDF 4 and TDMS.
 
-    Args:
-        path: The file.
-
-    Returns:
-        The columns; of MDF and TDMS every channel, on the time axis of the slowest.
+    Of MDF and TDMS it is every channel, on the time axis of the slowest.
 
     Raises:
         InputError: If the file cannot be read as a table of numbers.
@@ -148,7 +145,7 @@ def read_record(
     Returns:
         The record. Gaps, repeats and backward steps in its time stay as they are; channels that
         are missing are none of this function's business (see
-        `heatrun.readers.channel_map.require`).
+        `heatrun.record.samples.require`).
 
     Raises:
         InputError: If the file cannot be read, a column is not what `[columns]` says, there is no
@@ -172,18 +169,17 @@ def read_record(
             table = _read_bytes(data, where, hints)
             mapped = map_columns(table, columns, where=where, is_part=is_part)
             if motor.raster_s is not None:
-                unused = (
-                    f"raster_s = {motor.raster_s:g} is for MDF and TDMS; the file keeps its times."
-                )
-                mapped.notes.append(unused)
+                unused = f"raster_s = {motor.raster_s:g} is for MDF and TDMS; "
+                mapped.notes.append(f"{unused}the file keeps its times.")
     channels = dict(mapped.channels)
     time_s, origin_s, time_notes, missing = _time(
         mapped, table, rate_Hz, where, is_from_first=is_from_first
     )
-    is_longer = time_s.size > table.num_rows and table.sample_numbers is not None
-    differ = mapped.sensors_differ(time_s[table.sample_numbers] if is_longer else time_s)
+    of_rows = time_s
     if time_s.size > table.num_rows and table.sample_numbers is not None:
         channels = with_missing_rows(channels, table.sample_numbers)
+        of_rows = time_s[table.sample_numbers]
+    differ = mapped.sensors_differ(of_rows)
     channels = {"time_s": time_s} | {key: channels[key] for key in channels if key != "time_s"}
     if measurement is None:
         channels, joined = at_own_rates(channels, where, is_by_tag=table.is_by_tag)
@@ -222,11 +218,10 @@ def read_record(
 
 
 def _read_bytes(data: bytes, where: str, hints: Hints) -> Table:
-    if data.startswith(GZIP):
-        data = unzip(data, where)
-        table = _reader(data, where, hints)(data, where)
-        return told_apart(replace(table, reader=f"{table.reader}, gzip"))
-    return told_apart(_reader(data, where, hints)(data, where))
+    is_packed = data.startswith(GZIP)
+    data = unzip(data, where) if is_packed else data
+    table = _reader(data, where, hints)(data, where)
+    return told_apart(replace(table, reader=f"{table.reader}{', gzip' * is_packed}"))
 
 
 def _reader(data: bytes, where: str, hints: Hints) -> Callable[[bytes, str], Table]:
@@ -284,9 +279,7 @@ def is_text_table(data: bytes, where: str) -> bool:
 def _time(
     mapped: MappedColumns, table: Table, rate_Hz: float | None, where: str, *, is_from_first: bool
 ) -> tuple[np.ndarray, float, tuple[str, ...], tuple[Finding, ...]]:
-    """Return the times from the first sample and its time in the file [s], the notes on them, and
-    what is missing.
-    """
+    """Return times from the first sample and its own [s], notes on them, and what is missing."""
     rows = table.sample_numbers
     measured = mapped.channels.get("time_s")
     found_by = next((one.found_by for one in mapped.readings if one.channel == "time_s"), "")
@@ -332,10 +325,5 @@ def _time(
 
 def name_of_test(path: Path, sheet: str | None = None) -> str:
     """Return the name of the test in a file, which figures, tables and messages print."""
-    stem = _stem(path) if sheet is None else f"{_stem(path)}_{sheet}"
-    # on the terminal a control character would act
-    return "".join(c if c.isprintable() else "?" for c in stem)
-
-
-def _stem(path: Path) -> str:
-    return Path(path.stem).stem if path.suffix.lower() == ".gz" else path.stem
+    stem = Path(path.stem).stem if path.suffix.lower() == ".gz" else path.stem
+    return as_printed(stem if sheet is None else f"{stem}_{sheet}")

@@ -154,15 +154,10 @@ def as_stated(raw: np.ndarray, attributes: Mapping[str, Any]) -> Stored:
             found.values = found.values * factor
             found.notes.append(unit)
             unit = "s"
-    problem = (
-        Question(
-            f"The file says {'; '.join(found.problems)}: this is not understood.",
-            remedy="Export the variable in plain numbers with the attribute 'units', or as CSV.",
-        )
-        if found.problems
-        else None
-    )
-    return Stored(found.values, unit, ", ".join(found.notes), problem)
+    problem = f"The file says {'; '.join(found.problems)}: this is not understood."
+    remedy = "Export the variable in plain numbers with the attribute 'units', or as CSV."
+    question = Question(problem, remedy=remedy) if found.problems else None
+    return Stored(found.values, unit, ", ".join(found.notes), question)
 
 
 def _mark_missing(found: _Reading, said: Mapping[str, Any]) -> None:
@@ -284,11 +279,9 @@ NANOSECONDS = 1e-9
 def read_parquet(data: bytes, where: str) -> Table:
     """Read a Parquet table.
 
-    Returns:
-        Numbers and truth values as columns, timestamps in seconds from the first one, durations
-        in seconds; an index that pandas stored is a column like the others. Units and
-        scaling that the metadata of a field state are followed, as those of the
-        other variables here.
+    Numbers and truth values are columns, timestamps seconds from the first one, durations seconds;
+    an index that pandas stored is a column like the others. Units and scaling that the metadata of
+    a field state are followed, as those of the other variables here.
 
     Raises:
         InputError: If pyarrow is not installed, the file is damaged or holds no numbers.
@@ -299,7 +292,9 @@ def read_parquet(data: bytes, where: str) -> Table:
         columns, variables, cells = [], [], {}
         by_column = _units_of_frame(table.schema)
         for field, chunks in zip(table.schema, table.columns, strict=True):
-            name = "time" if _is_unnamed_time(field) else field.name
+            # pandas' unnamed index of times
+            is_unnamed = _is_time(field.type) and field.name.startswith("__index_level_")
+            name = "time" if is_unnamed else field.name
             values, note = _values(chunks, field.type)
             if values is None:
                 texts[name] = f"{field.type}"
@@ -391,51 +386,37 @@ def _is_short_text(field, about) -> bool:
 def _is_number(kind) -> bool:
     from pyarrow import types
 
-    readable = (
-        types.is_timestamp,
-        types.is_duration,
-        types.is_boolean,
-        types.is_integer,
-        types.is_floating,
-        types.is_decimal,
-    )
-    return any(test(kind) for test in readable)
+    readable = ("timestamp", "duration", "boolean", "integer", "floating", "decimal")
+    return any(getattr(types, f"is_{one}")(kind) for one in readable)
 
 
-def _is_unnamed_time(field) -> bool:
-    """Return whether a field is pandas' unnamed index and holds times."""
-    import pyarrow.types
+def _is_time(kind) -> bool:
+    from pyarrow import types
 
-    is_time = pyarrow.types.is_timestamp(field.type) or pyarrow.types.is_duration(field.type)
-    return is_time and field.name.startswith("__index_level_")
+    return types.is_timestamp(kind) or types.is_duration(kind)
 
 
 def _values(chunks, kind) -> tuple[np.ndarray | None, str]:
     """Return a column as float64 with a note on how times were read; None if it is no number."""
     import pyarrow
-    import pyarrow.types
+    from pyarrow import types
 
-    if pyarrow.types.is_timestamp(kind) or pyarrow.types.is_duration(kind):
-        whole = chunks.cast(
-            pyarrow.timestamp("ns", kind.tz)
-            if pyarrow.types.is_timestamp(kind)
-            else pyarrow.duration("ns")
-        )
+    if _is_time(kind):
+        is_duration = types.is_duration(kind)
+        to = pyarrow.duration("ns") if is_duration else pyarrow.timestamp("ns", kind.tz)
+        whole = chunks.cast(to)
         valid = whole.is_valid().to_numpy()
         ticks = whole.cast(pyarrow.int64()).fill_null(0).to_numpy()
-        if pyarrow.types.is_duration(kind) or not valid.any():
+        if is_duration or not valid.any():
             return np.where(valid, ticks * NANOSECONDS, np.nan), "a duration"
         first = int(ticks[valid][0])
         # Subtracted as integers: as float64, a date of today is only good to 0.2 µs.
         seconds = np.where(valid, (ticks - first) * NANOSECONDS, np.nan)
         return seconds, f"seconds from {np.datetime64(first, 'ns')}"
-    if pyarrow.types.is_boolean(kind):
-        return chunks.cast(pyarrow.int8()).cast(pyarrow.float64()).to_numpy(), ""
-    if pyarrow.types.is_integer(kind) or pyarrow.types.is_floating(kind):
-        return chunks.cast(pyarrow.float64(), safe=False).to_numpy().astype(np.float64), ""
-    if pyarrow.types.is_decimal(kind):
-        return chunks.cast(pyarrow.float64()).to_numpy(), ""
-    return None, ""
+    if not _is_number(kind):
+        return None, ""
+    whole = chunks.cast(pyarrow.int8()) if types.is_boolean(kind) else chunks
+    return whole.cast(pyarrow.float64(), safe=False).to_numpy().astype(np.float64), ""
 
 
 def _range_index(schema, num_rows: int) -> list[Column]:

@@ -82,8 +82,8 @@ NOT_CLOSED = 2**64 - 1
 """Length of a segment that its writer did not finish."""
 
 
-def check_segments(stream: BinaryIO, where: str) -> tuple[Finding, ...]:
-    """Return a finding if the recorder did not close the last of the segments of a file.
+def check_segments(stream: BinaryIO, where: str) -> Iterator[Finding]:
+    """Yield a finding if the recorder did not close the last of the segments of a file.
 
     Raises:
         BrokenFileError: If a segment begins with anything else, or ends beyond the file.
@@ -99,26 +99,22 @@ def check_segments(stream: BinaryIO, where: str) -> tuple[Finding, ...]:
         order = ">" if contents & BIG_ENDIAN else "<"
         length, metadata_length = struct.unpack(f"{order}QQ", lead_in[12:])
         if length == NOT_CLOSED:
-            return (_not_closed(position, where),)
+            yield Finding(
+                "recording_not_closed",
+                "warning",
+                f"The recorder did not close the file: the segment at byte {position} has no "
+                "length, and is read as far as it goes.",
+                where,
+                "Check that the end of the test is there.",
+                values={"from_byte": position},
+            )
+            return
         if metadata_length > length or position + LEAD_IN + length > size:
             raise BrokenFileError(
                 f"a segment of {length} bytes at byte {position} ends beyond the {size} bytes of "
                 "the file"
             )
         position += LEAD_IN + length
-    return ()
-
-
-def _not_closed(position: int, where: str) -> Finding:
-    return Finding(
-        id="recording_not_closed",
-        severity="warning",
-        message=f"The recorder did not close the file: the segment at byte {position} has no "
-        "length, and is read as far as it goes.",
-        where=where,
-        remedy="Check that the end of the test is there.",
-        values={"from_byte": position},
-    )
 
 
 WHAT = "a TDMS file"
@@ -159,7 +155,7 @@ def open_tdms(
     """
     nptdms = library("nptdms", "TDMS", where)
     with reading(WHAT, where):
-        findings = check_segments(stream, where)
+        findings = tuple(check_segments(stream, where))
         stream.seek(0)
         file: Any = nptdms.TdmsFile.open(stream)
         _check_lengths(file, stream.seek(0, io.SEEK_END))

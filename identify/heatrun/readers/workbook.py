@@ -65,10 +65,7 @@ class Sheet:
 
 @contextlib.contextmanager
 def open_workbook(data: bytes, where: str) -> Iterator[tuple[Sheet, ...]]:
-    """Open a workbook for the time of the context.
-
-    Returns:
-        Its sheets in their order.
+    """Open a workbook for the time of the context, to its sheets in their order.
 
     Raises:
         InputError: If it is no workbook, damaged, or the library for it is missing.
@@ -96,19 +93,15 @@ def _check(data: bytes, where: str) -> None:
             size = sum(one.file_size for one in archive.infolist())
     except (zipfile.BadZipFile, EOFError, ValueError, NotImplementedError) as error:
         raise BrokenFileError(f"damaged or cut: {error}") from error
-    if BINARY_WORKBOOK in names:
-        raise InputError(
-            "Expected CSV, MAT, Parquet, MDF, TDMS or Excel, got a binary workbook.",
-            where=where,
-            remedy="Save it as .xlsx.",
-        )
     if WORKBOOK not in names:
-        raise InputError(
-            "Expected CSV, MAT, Parquet, MDF, TDMS or Excel, got a zip archive or another "
-            "spreadsheet.",
-            where=where,
-            remedy="Unpack it, or save it as .xlsx or CSV.",
+        got, remedy = (
+            "a zip archive or another spreadsheet",
+            "Unpack it, or save it as .xlsx or CSV.",
         )
+        if BINARY_WORKBOOK in names:
+            got, remedy = "a binary workbook", "Save it as .xlsx."
+        problem = f"Expected CSV, MAT, Parquet, MDF, TDMS or Excel, got {got}."
+        raise InputError(problem, where=where, remedy=remedy)
     if size > LARGEST_BYTES:
         raise BrokenFileError(f"{size} bytes unpacked, more than the {LARGEST_BYTES} that are read")
 
@@ -202,8 +195,6 @@ def as_text(value: Any, epoch: datetime) -> str:
         return ""
     if isinstance(value, bool):
         return "true" if value else "false"
-    if isinstance(value, int):
-        return str(value)
     if isinstance(value, float):
         return _without_sign(value)
     if isinstance(value, datetime):
@@ -247,11 +238,8 @@ def read_excel(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
     """Read a sheet of a workbook, .xlsx or .xlsm.
 
     The sheet is the one that the test names (`FILE.xlsx#SHEET`) or that `[columns]` names
-    (`"SHEET/COLUMN"`), else the one with the most channels that a fit needs.
-
-    Returns:
-        As `heatrun.readers.text.reader.read_text`; formulas with the values that the
-        workbook keeps, dates and times in seconds.
+    (`"SHEET/COLUMN"`), else the one with the most channels that a fit needs. It is read as a text
+    table, formulas with the values that the workbook keeps, dates and times in seconds.
 
     Raises:
         InputError: If the workbook is damaged, has no such sheet, no sheet or several with a test,
@@ -270,7 +258,10 @@ def read_excel(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
     table = _table(text, _at(where, sheet, sheets), hints)
     columns = tuple(_asked_with_sheet(column, sheet.name, hints) for column in table.columns)
     findings = (*table.findings, *_other_sheets(sheet, others, where))
-    notes = tuple(_readable(note) for note in table.notes)
+    notes = tuple(  # numbers and cells as a person writes them
+        " ".join(PLAIN.sub(lambda found: f"{float(found[0]):g}", note).split())
+        for note in table.notes
+    )
     reader = f"Excel, sheet '{sheet.name}'"
     return replace(table, columns=columns, findings=findings, notes=notes, reader=reader)
 
@@ -278,11 +269,6 @@ def read_excel(data: bytes, where: str, hints: Hints = NO_HINTS) -> Table:
 def _table(text: str, where: str, hints: Hints) -> Table:
     # the mark in front settles the encoding
     return read_text(f"\ufeff{text}".encode(), where, hints, delimiters=("\t",))
-
-
-def _readable(note: str) -> str:
-    """Return a note with its numbers and cells as a person writes them."""
-    return " ".join(PLAIN.sub(lambda found: f"{float(found[0]):g}", note).split())
 
 
 def _at(where: str, sheet: Sheet, sheets: Sequence[Sheet]) -> str:
@@ -362,17 +348,14 @@ def _asked_with_sheet(column: Column, sheet: str, hints: Hints) -> Column:
     )
 
 
-def _other_sheets(sheet: Sheet, others: Sequence[str], where: str) -> tuple[Finding, ...]:
-    if not others:
-        return ()
-    return (
-        Finding(
-            id="sheet_chosen",
-            severity="note",
-            message=f"Sheet '{sheet.name}' is read, which has the most of the channels needed; "
+def _other_sheets(sheet: Sheet, others: Sequence[str], where: str) -> Iterator[Finding]:
+    if others:
+        yield Finding(
+            "sheet_chosen",
+            "note",
+            f"Sheet '{sheet.name}' is read, which has the most of the channels needed; "
             f"tables stand in {', '.join(repr(name) for name in others)} too.",
-            where=where,
-            remedy=f"To read another one: '{where}#{others[0]}'.",
+            where,
+            f"To read another one: '{where}#{others[0]}'.",
             values={"count": len(others)},
-        ),
-    )
+        )

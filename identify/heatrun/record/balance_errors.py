@@ -86,6 +86,9 @@ CHANGES = 0.2
 UNITS = {"shaft_power_gain": "", "shaft_power_offset": " W", "torque_offset": " N m"}
 
 
+Blocks = Float[np.ndarray, " block"]
+
+
 class Told(NamedTuple):
     """An error of the balance, as the inputs of one test tell it."""
 
@@ -136,13 +139,7 @@ class Prior(NamedTuple):
 
 
 def prior_of(motor: Motor, name: str, sd: float) -> Prior:
-    """Return the prior of an error.
-
-    Args:
-        motor: The machine.
-        name: The parameter.
-        sd: Standard deviation where the motor file says none.
-    """
+    """Return the prior of an error; where the motor file says none, of this standard deviation."""
     said = motor.parameters.get(name, ParameterOverride())
     if said.fixed is not None:
         return Prior(said.fixed, 0.0, is_fixed=True)
@@ -158,9 +155,7 @@ def own_errors(record: Record, motor: Motor) -> tuple[Told, ...]:
 def told_by_inputs(record: Record, motor: Motor) -> tuple[Told, ...]:
     """Return the errors of the balance that contradict their priors; no winding reading is used.
 
-    Args:
-        record: Any record; needs current, speed, losses from a balance, torque or mechanical power.
-        motor: The machine.
+    Needs current, speed, losses from a balance, torque or mechanical power.
     """
     shaft = recorded_shaft_power(record.channels) if motor.losses == "balance" else None
     if shaft is None:
@@ -263,11 +258,7 @@ def _finding(record: Record, motor: Motor, told: Told) -> Finding:
 
 
 def _by_direction(
-    squared: Float[np.ndarray, " block"],
-    magnitude: Float[np.ndarray, " block"],
-    losses: Float[np.ndarray, " block"],
-    power: Float[np.ndarray, " block"],
-    speed: Float[np.ndarray, " block"],
+    squared: Blocks, magnitude: Blocks, losses: Blocks, power: Blocks, speed: Blocks
 ) -> Iterator[Told]:
     """Yield what goes with the sign of power or speed in the losses.
 

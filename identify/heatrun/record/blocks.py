@@ -27,12 +27,8 @@ if TYPE_CHECKING:
 def length_class(num: int, *, is_seldom: bool = False) -> int:
     """Return the least of the numbers 4, 5, 6 and 7 times a power of two that is not below one.
 
-    Compiled programs hold for one number of blocks; with these, a few serve the tests of all.
-
-    Args:
-        num: The number.
-        is_seldom: What takes it runs a few times, so that compiling takes longer than blocks for
-            nothing: the least power of two from 8 on.
+    Compiled programs hold for one number of blocks; with these, a few serve the tests of all. What
+    runs seldom takes the least power of two from 8 on: compiling takes longer than idle blocks.
     """
     if is_seldom:
         return max(8, 1 << (num - 1).bit_length())
@@ -177,12 +173,7 @@ class Blocks:
         return np.asarray(steps).reshape(self.weight.shape).mean(axis=1)
 
     def own(self, rows: Float[Any, "more ..."], axis: int = 0) -> Float[np.ndarray, "row ..."]:
-        """Return rows of `Observation.padded` without those that were added.
-
-        Args:
-            rows: What a compiled program says of each row.
-            axis: That of the rows.
-        """
+        """Return rows of `Observation.padded`, along an axis, without those that were added."""
         rows, num = np.asarray(rows), 1 + len(self.fitted)
         before, after = rows.shape[:axis], rows.shape[axis + 1 :]
         by_sensor = rows.reshape(*before, num, rows.shape[axis] // num, *after)
@@ -229,15 +220,24 @@ class Blocks:
         heat: Float[np.ndarray, "row column"] | None = None,
         noise_scale: Sequence[float] | None = None,
     ) -> Observation:
-        """Return the arrays that the numerics need.
-
-        Args:
-            heat: As `Observation.heat`; no columns by default.
-            noise_scale: As `Observation.noise_scale`; 1 by default.
-        """
+        """Return the arrays that the numerics need: by default without heat, on one noise scale."""
         from .observation import Observation
 
-        return Observation.of(self, heat, noise_scale)
+        alike = [1.0] * (1 + len(self.fitted))
+        return Observation(
+            inputs=self.inputs,
+            measured=np.nan_to_num(self.measured),
+            is_observed=self.is_observed,
+            weight=self.weight,
+            position=self.position,
+            count=np.asarray(self.count, dtype=float),
+            known_variance=self.known_variance,
+            block_s=np.asarray(self.block_s, dtype=float),
+            heat=np.zeros((self.measured.size, 0)) if heat is None else heat,
+            moments=self.moments,
+            noise_scale=np.asarray(alike if noise_scale is None else noise_scale, dtype=float),
+            fitted=self.fitted,
+        )
 
 
 def strongest(columns: Float[np.ndarray, "block column"], num: int) -> np.ndarray:

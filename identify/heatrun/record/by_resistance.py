@@ -9,7 +9,7 @@ voltage over current, $R_l$ the leads in it and $R_0$ the same winding at the re
 from __future__ import annotations
 
 from collections.abc import Container
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
@@ -55,22 +55,11 @@ CIRCUITS = {
 LINE = "[winding] measured_resistance_ohm"
 
 
-@dataclass(frozen=True)
-class Reference:
-    """The resistance that a winding is measured against."""
-
-    ohm: float  # At the reference temperature, without leads [ohm].
-    note: str  # How it is known.
-
-
 def with_winding(record: Record, motor: Motor) -> Record:
     """Return a record whose winding temperature follows from its resistance, where it may.
 
-    Where no current flows, voltage over current tells nothing: such windows are masked.
-
-    Args:
-        record: Any record; a winding that a sensor has measured stays as it is.
-        motor: Reference, leads, material and sink.
+    A winding that a sensor has measured stays as it is. Where no current flows, voltage over
+    current tells nothing: such windows are masked.
 
     Raises:
         InputError: If nothing says the resistance at a known temperature.
@@ -87,11 +76,11 @@ def with_winding(record: Record, motor: Motor) -> Record:
             where=record.name,
             remedy="Check the columns in [columns], or leave them out and map winding_degC.",
         )
-    reference = _reference(record, motor, ohm)
+    reference, known_by = _reference(record, motor, ohm)
     B, leads = motor.resistance_coefficient_degC, motor.lead_resistance_ohm
-    winding = (ohm - leads) / reference.ohm * (B + motor.reference_temperature_degC) - B
+    winding = (ohm - leads) / reference * (B + motor.reference_temperature_degC) - B
     less = f" less {leads:g} ohm of leads" if leads else ""
-    note = f"winding_degC follows from the resistance, {how}{less}; {reference.note}."
+    note = f"winding_degC follows from the resistance, {how}{less}; {known_by}."
     masks = record.masks
     if "winding_resistance_ohm" not in record:
         masks = (*masks, *windows(record.time_s, ~np.isfinite(ohm)))
@@ -111,17 +100,11 @@ def by_resistance(record: Record) -> bool:
 
 
 def sensor_sd(record: Record, motor: Motor) -> tuple[float, float] | None:
-    """Return the standard uncertainty of a winding temperature by resistance.
+    """Return the standard uncertainty of a winding temperature by resistance; None for a sensor.
 
     An error of the resistance by a share of it is one of B + T by that share: an offset at the
-    sink's temperature, and a gain of the rise above it.
-
-    Args:
-        record: A test.
-        motor: As `with_winding`; `[parameters.Rs0]` says how well the reference is known.
-
-    Returns:
-        Offset [K] and relative error of the rise [1]; None for a sensor.
+    sink's temperature [K], and a relative error of the rise above it [1]. `[parameters.Rs0]` says
+    how well the reference is known.
     """
     measured = measured_resistance(record) if by_resistance(record) else None
     if measured is None:
@@ -181,12 +164,14 @@ def _possible(ohm: Float[np.ndarray, " time"]) -> Float[np.ndarray, " time"]:
     return np.where((ohm > 0.0) & (ohm < OPEN_OHM), ohm, np.nan)
 
 
-def _reference(record: Record, motor: Motor, ohm: Float[np.ndarray, " time"]) -> Reference:
-    """Return the resistance at the reference temperature, which must be stated."""
+def _reference(record: Record, motor: Motor, ohm: Float[np.ndarray, " time"]) -> tuple[float, str]:
+    """Return the resistance at the reference temperature, without leads [ohm], and how it is known;
+    it must be stated.
+    """
     at = f"at {motor.reference_temperature_degC:g} °C"
     if motor.measured_resistance_ohm is not None:
         known = motor.measured_resistance_ohm - motor.lead_resistance_ohm
-        return Reference(known, f"reference {known:.5g} ohm {at}")
+        return known, f"reference {known:.5g} ohm {at}"
     cold = np.flatnonzero(np.isfinite(ohm))[:COLD_SAMPLES]
     sink = record.channels.get(f"{motor.sink}_degC", np.full(ohm.shape, np.nan))
     first = float(np.min(ohm[cold], initial=np.inf))
@@ -197,10 +182,9 @@ def _reference(record: Record, motor: Motor, ohm: Float[np.ndarray, " time"]) ->
         for factor, circuit in CIRCUITS.items():
             if abs(times / factor - 1.0) < SAME:
                 known = factor * motor.phase_resistance_ohm
-                return Reference(
-                    known,
+                return known, (
                     f"reference {known:.5g} ohm {at}: phase_resistance_ohm times {factor:.3g} "
-                    f"({circuit}), which the cold reading of {first:.5g} ohm shows",
+                    f"({circuit}), which the cold reading of {first:.5g} ohm shows"
                 )
     is_cold_known = np.isfinite(ratio)
     problem = "The winding's resistance was measured, and nothing says what it is cold."

@@ -92,6 +92,12 @@ BODIES: tuple[str, ...] = (
 )
 """Temperatures of bodies beside the winding."""
 
+OF_LOAD = ("phase current", "dq current", "direct current", "power", "torque", "speed", "voltage")
+"""Quantities that are the load."""
+
+READINGS: tuple[str, ...] = ("winding_degC", *BODIES)
+"""Temperatures that a fit compares."""
+
 
 def body_name(channel: str) -> str:
     """Return the name of a measured body, such as `"stator"` for its channel."""
@@ -275,35 +281,24 @@ def constant_notes(constants: Mapping[str, float]) -> tuple[str, ...]:
 
 
 def resistance_conflict(
-    constants: Mapping[str, float], motor: Motor | None, where: str
-) -> tuple[Finding, ...]:
-    """Return a finding if a file and the motor file give another phase resistance.
-
-    Args:
-        constants: Name to value; compared if `Rrif` and `Trif` are there.
-        motor: The machine; its resistance is brought to the temperature `Trif`.
-        where: The file.
-    """
-    if motor is None or motor.phase_resistance_ohm is None:
-        return ()
-    if "Rrif" not in constants or "Trif" not in constants:
-        return ()
+    constants: Mapping[str, float], motor: Motor, where: str
+) -> Iterator[Finding]:
+    """Yield a finding if `Rrif` of a file and the motor file are another phase resistance."""
+    if motor.phase_resistance_ohm is None or not {"Rrif", "Trif"} <= constants.keys():
+        return
     in_file = constants["Rrif"] / 3.0
     ratio = float(motor.resistance_ratio(np.asarray(constants["Trif"])))
     expected = motor.phase_resistance_ohm * ratio
-    if abs(in_file - expected) <= TOLERANCE * expected:
-        return ()
-    return (
-        Finding(
-            id="resistance_conflict",
-            severity="warning",
-            message=f"Rrif/3 is {in_file:.4g} ohm at {constants['Trif']:g} degC; the motor file "
+    if abs(in_file - expected) > TOLERANCE * expected:
+        yield Finding(
+            "resistance_conflict",
+            "warning",
+            f"Rrif/3 is {in_file:.4g} ohm at {constants['Trif']:g} degC; the motor file "
             f"gives {expected:.4g} ohm there, which is used.",
-            where=where,
-            remedy="Check phase_resistance_ohm in [winding].",
+            where,
+            "Check phase_resistance_ohm in [winding].",
             values={"file_ohm": in_file, "motor_ohm": expected},
-        ),
-    )
+        )
 
 
 COMBINED = re.compile(
@@ -374,18 +369,10 @@ def refuse_combination(channel: str, how: str, num_parts: int, where: str) -> No
 
 
 def combine(channel: str, how: str, parts: Sequence[np.ndarray]) -> np.ndarray:
-    """Return one course for several sensors, NaN wherever one of them has no reading.
+    """Return one course for several sensors [unit of the channel], shape (time,) each.
 
-    The thermometers of the three phases read one winding. Their mean is what a network of one
-    winding node stands for; the hottest is what an insulation limit is about.
-
-    A sensor that drops out would make the mean jump: what is left is not the same mean.
-
-    Args:
-        channel: Canonical name.
-        how: `"mean"`, `"hottest"` or `"sum"`; of currents the mean is that of the squares, as heat
-            is.
-        parts: In the channel's unit, shape (time,) each.
+    It is their `"mean"`, of currents that of the squares, as heat is, what is `"hottest"`, or the
+    `"sum"`. It is NaN wherever one of them has no reading: what is left is not the same mean.
     """
     stacked = np.stack(parts)
     if how == "hottest":
@@ -407,20 +394,17 @@ def sensors_differ(
 ) -> Finding | None:
     """Return the finding about a sensor that departs from the others, None if none does.
 
-    Args:
-        channel: A temperature or the phase current.
-        parts: Column to readings [degC or A], shape (time,) each.
-        time_s: Their times [s], shape (time,).
-        where: The file.
+    `parts` are the readings [degC or A] of each column, `time_s` their times [s], shape (time,).
     """
     if len(parts) < 2 or CHANNEL[channel].quantity == "power":  # parts of a sum may differ
         return None
-    if CHANNEL[channel].quantity == "phase current":
-        return _phase_differs(channel, parts, time_s, where)
     names, stacked = list(parts), np.stack(list(parts.values()))
-    stacked = stacked[:, np.all(np.isfinite(stacked), axis=0)]
-    if stacked.shape[1] == 0:
+    known = np.all(np.isfinite(stacked), axis=0)
+    if not known.any():
         return None
+    stacked = stacked[:, known]
+    if CHANNEL[channel].quantity == "phase current":
+        return _phase_differs(channel, names, stacked, time_s[known], where)
     middle = np.median(stacked, axis=0)
     rise = float(np.max(middle) - np.min(middle))
     # the 95 % quantile over time: a passing difference after a load step is none of the sensor's
@@ -430,8 +414,6 @@ def sensors_differ(
         return None
     pair = "the two columns are" if len(names) == 2 else f"column '{names[worst]}' is"
     distance = float(2.0 * apart[worst] if len(names) == 2 else apart[worst])
-    rest = [name for name in names if name != names[worst]]
-    line = f"mean({', '.join(rest)})" if len(rest) > 1 else "COLUMN"
     return Finding(
         "sensors_differ",
         "error" if apart[worst] > OFF_SHARE * rise else "warning",
@@ -439,24 +421,28 @@ def sensors_differ(
         f"{100 * APART_SHARE:.0f} % of the rise; {pair} {distance:.1f} K apart"
         f"{'' if len(names) == 2 else ' from the others'}, with a rise of {rise:.0f} K.",
         f"{where}, {channel}",
-        f'Check where it sits and whether it is loose. To do without it: {channel} = "{line}" '
-        "under [columns].",
+        "Check where it sits and whether it is loose. To do without it: "
+        f'{channel} = "{_mean_without(names, worst) or "COLUMN"}" under [columns].',
         values={"apart_K": distance, "rise_K": rise},
     )
 
 
+def _mean_without(names: Sequence[str], place: int) -> str:
+    """Return the line for the others of three columns or more, empty for two."""
+    rest = [name for name in names if name != names[place]]
+    return f"mean({', '.join(rest)})" if len(rest) > 1 else ""
+
+
 def _phase_differs(
-    channel: str, parts: Mapping[str, np.ndarray], time_s: np.ndarray, where: str
+    channel: str, names: Sequence[str], stacked: np.ndarray, time_s: np.ndarray, where: str
 ) -> Finding | None:
-    """Return the finding about a phase that reads less or more than the others agree on, from the
-    start or from a moment on.
-    """
-    names, stacked = list(parts), np.stack(list(parts.values()))
-    known = np.all(np.isfinite(stacked), axis=0)
-    time_s, stacked = time_s[known], stacked[:, known]
-    largest = np.max(np.abs(stacked), axis=0)
-    flows = largest > FLOWS * (np.quantile(largest, 0.99) if largest.size else 0.0)
-    typical = np.median(np.abs(stacked[:, flows]) / largest[flows], axis=1) if flows.any() else ()
+    """Return the finding about a phase that reads otherwise than the others agree on."""
+    size = np.abs(stacked)
+    largest = np.max(size, axis=0)
+    flows = largest > FLOWS * np.quantile(largest, 0.99)
+    if not flows.any():
+        return None
+    typical = np.median(size[:, flows] / largest[flows], axis=1)
     if len(names) > 2 and np.sum(np.less(typical, NOTHING)) == len(names) - 1:
         lone = names[int(np.argmax(typical))]
         rest = " and ".join(name for name in names if name != lone)
@@ -471,10 +457,8 @@ def _phase_differs(
             "under [columns].",
             values={"factor": len(names) ** 0.5},
         )
-    level = (
-        np.median(np.abs(stacked), axis=0) if len(names) > 2 else np.max(np.abs(stacked), axis=0)
-    )
-    top = np.quantile(level, 0.99) if level.size else 0.0
+    level = np.median(size, axis=0) if len(names) > 2 else largest
+    top = np.quantile(level, 0.99)
     flows = level > FLOWS * top
     if not flows.any():
         return None
@@ -510,16 +494,15 @@ def _phase_differs(
         until = edges[end - 1] + fine[0] - 1 if fine.size else until
     from_s, to_s = float(time_s[min(at, time_s.size - 1)]), float(time_s[until])
     share, others = np.median(share[is_off], axis=0), np.median(others[is_off], axis=0)
-    got = f"{share[worst]:.3g} of it"
-    got = "nothing" if abs(share[worst]) < NOTHING else got
     is_sign = abs(share[worst] + 1.0) < UNBALANCE
+    got = "nothing" if abs(share[worst]) < NOTHING else f"{share[worst]:.3g} of it"
     got = "the other sign" if is_sign else got
     since = f" until {to_s:.0f} s" if end < num_spans else " on"
     got += "" if is_whole else f" from {from_s:.0f} s{since}"
     whole = float(np.sqrt(np.mean(share**2)))
     factor = 1.0 if is_sign else float(np.sqrt(np.mean(others**2))) / whole
     rest = [name for name in names if name != names[worst]]
-    line = f"mean({', '.join(rest)})" if len(rest) > 1 else rest[0]
+    line = _mean_without(names, worst) or rest[0]
     harm = (
         "Squares have no sign, so that the mean is right; the clamp sits the wrong way round."
         if is_sign
@@ -576,10 +559,7 @@ def lines_of(columns: Columns | None) -> Iterator[tuple[str, str]]:
 def parse_claims(columns: Columns, where: str) -> tuple[Claim, ...]:
     """Return what `[columns]` says, in its order; one claim for each of several right-hand sides.
 
-    Args:
-        columns: Canonical channel to `"column in the file [unit]"`; `"none"` leaves the channel
-            out, and `time_s` may also be `"rate 10 Hz"`.
-        where: The motor file, for messages.
+    `"none"` leaves a channel out, and `time_s` may also be `"rate 10 Hz"`.
 
     Raises:
         InputError: If a channel is not known or a rate is not positive. Units are checked where
@@ -598,13 +578,13 @@ def parse_claims(columns: Columns, where: str) -> tuple[Claim, ...]:
         if rate and channel == "time_s":
             claim = Claim(channel, text, text, None, rate_Hz=_rate(rate["rate"], where))
         else:
-            claim = _claim(channel, text, f"{where}, [columns] {channel}")
+            claim = _claim(channel, text.strip(), f"{where}, [columns] {channel}")
         claims.append(replace(claim, is_choice=not isinstance(columns[channel], str)))
     return tuple(claims)
 
 
 def _claim(channel: str, text: str, where: str) -> Claim:
-    several = COMBINED.fullmatch(text.strip())
+    several = COMBINED.fullmatch(text)
     if several is not None:
         named = split_parts(several["parts"])
         refuse_combination(channel, several["how"], len(named), where)
@@ -613,12 +593,10 @@ def _claim(channel: str, text: str, where: str) -> Claim:
             _claim(channel, part if BRACKET_AT_END.fullmatch(part) else f"{part}{unit}", where)
             for part in named
         )
-        name = text.strip()
-        return Claim(channel, name, name, None, how=several["how"], parts=parts)
-    label, unit = split_name(text, where)
-    base = BRACKET_AT_END.fullmatch(text.strip())
+        return Claim(channel, text, text, None, how=several["how"], parts=parts)
+    base = BRACKET_AT_END.fullmatch(text)
     pair = (base["base"], base["unit"].strip()) if base else ("", "")
-    return Claim(channel, text.strip(), label, unit, *pair)
+    return Claim(channel, text, *split_name(text, where), *pair)
 
 
 CALL = re.compile(r"[^\W\d]\w*\s*\(.*\)(?:\s*\[[^\[\]]+\])?", re.DOTALL)
@@ -627,9 +605,7 @@ ARITHMETIC = re.compile(r"\s[-+*/\u2212\u00d7]\s|[*\u00d7]")
 
 
 def instead_of(claim: Claim) -> str:
-    """Return how to write what a line of `[columns]` asks for, where it is no column but looks like
-    a rate, a function or a formula; else an empty text.
-    """
+    """Return how to write what a line of `[columns]` asks for that is no column; or nothing."""
     text = claim.text
     if claim.channel == "time_s" and re.match(r"rate\b", text, re.IGNORECASE):
         return 'A rate is stated in hertz: time_s = "rate 10 Hz"; 30 a minute are "rate 0.5 Hz".'
@@ -652,23 +628,17 @@ def instead_of(claim: Claim) -> str:
 
 
 def _rate(text: str, where: str) -> float:
+    where = f"{where}, [columns] time_s"
     try:
-        return positive_rate(float(text), f"{where}, [columns] time_s")
+        rate_Hz = float(text)
     except ValueError as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(
-            f"Expected a rate such as 'rate 10 Hz', got 'rate {text} Hz'.",
-            where=f"{where}, [columns] time_s",
-        ) from error
+        problem = f"Expected a rate such as 'rate 10 Hz', got 'rate {text} Hz'."
+        raise InputError(problem, where=where) from error
+    return positive_rate(rate_Hz, where)
 
 
 def positive_rate(rate_Hz: float, where: str) -> float:
     """Return a sampling rate [Hz] if it is one.
-
-    Args:
-        rate_Hz: Sampling rate [Hz].
-        where: Where it was given, for the message.
 
     Raises:
         InputError: If the rate is not a positive number.

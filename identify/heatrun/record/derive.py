@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, reduce
 from types import MappingProxyType
 from typing import Literal
 
@@ -41,13 +41,9 @@ class Derivation:
 
 
 def dq_power(channels: Channels, phases: int) -> np.ndarray:
-    r"""Return the electrical power at the terminals [W], shape (time,).
+    r"""Return the electrical power at the terminals [W] by `DQ`, shape (time,).
 
     $$ P = \tfrac{m}{2} (u_d i_d + u_q i_q) $$
-
-    Args:
-        channels: With `u_d_V, u_q_V, i_d_A, i_q_A`.
-        phases: Number of phases m [1].
 
     Valid for: the amplitude-invariant transform; harmonics of the inverter are not in it.
     """
@@ -56,20 +52,14 @@ def dq_power(channels: Channels, phases: int) -> np.ndarray:
 
 
 def shaft_power(channels: Channels) -> np.ndarray:
-    """Return the mechanical power [W], positive as a motor, shape (time,).
-
-    Args:
-        channels: With `torque_Nm` and `speed_rpm`.
-    """
+    """Return the mechanical power [W] by torque and speed, positive as a motor, shape (time,)."""
     return channels["torque_Nm"] * channels["speed_rpm"] * RAD_PER_S_PER_RPM
 
 
 def recorded_shaft_power(channels: Channels) -> np.ndarray | None:
     """Return the mechanical power [W], shape (time,), None where no channel tells it.
 
-    Args:
-        channels: Of a record; NaN marks a sample that it does not have. A shaft that stands, or
-            that gives no torque, throughout needs no second channel.
+    A shaft that stands, or that gives no torque, throughout needs no second channel.
     """
     power = channels.get("mechanical_power_W")
     if power is None and all(name in channels for name in SHAFT):
@@ -83,41 +73,28 @@ def _is_zero(channels: Channels, name: str) -> bool:
     return name in channels and bool(np.all(channels[name] == 0.0))
 
 
-def _rms_current(channels: Channels, phases: int) -> np.ndarray:
-    return np.hypot(channels["i_d_A"], channels["i_q_A"]) / math.sqrt(2.0)
-
-
 SHAFT = ("torque_Nm", "speed_rpm")
 DQ = ("u_d_V", "u_q_V", "i_d_A", "i_q_A")
 WITH_INVERTER = "; the losses of the inverter are in it"
 AMPLITUDE_INVARIANT = ", amplitude-invariant"
 
+
+def _product(channel: str, *factors: str) -> Derivation:
+    """Return the way to a power as the product of other channels, or as it is."""
+
+    def compute(channels: Channels, phases: int) -> np.ndarray:
+        return reduce(np.multiply, (channels[name] for name in factors))
+
+    return Derivation(channel, factors, compute, "·".join(factors))
+
+
 ELECTRICAL: tuple[Derivation, ...] = (
-    Derivation(
-        "electrical_power_W",
-        ("electrical_power_W",),
-        lambda channels, _: channels["electrical_power_W"],
-        "electrical_power_W",
-    ),
+    _product("electrical_power_W", "electrical_power_W"),
     Derivation("electrical_power_W", DQ, dq_power, "phases/2·(u_d·i_d + u_q·i_q)"),
-    *(
-        Derivation(
-            "electrical_power_W",
-            ("winding_voltage_V", current),
-            lambda channels, _, current=current: channels["winding_voltage_V"] * channels[current],
-            f"winding_voltage_V·{current}",
-        )
-        for current in ("dc_current_A", "phase_current_A")
-    ),
-    Derivation(
-        "dc_power_W", ("dc_power_W",), lambda channels, _: channels["dc_power_W"], "dc_power_W"
-    ),
-    Derivation(
-        "dc_power_W",
-        ("dc_voltage_V", "dc_current_A"),
-        lambda channels, _: channels["dc_voltage_V"] * channels["dc_current_A"],
-        "dc_voltage_V·dc_current_A",
-    ),
+    _product("electrical_power_W", "winding_voltage_V", "dc_current_A"),
+    _product("electrical_power_W", "winding_voltage_V", "phase_current_A"),
+    _product("dc_power_W", "dc_power_W"),
+    _product("dc_power_W", "dc_voltage_V", "dc_current_A"),
 )
 """Ways to the power that goes in, in order of preference: that nearest to the machine first."""
 
@@ -153,7 +130,7 @@ DERIVATIONS: tuple[Derivation, ...] = (
     Derivation(
         "phase_current_A",
         ("i_d_A", "i_q_A"),
-        _rms_current,
+        lambda channels, _: np.hypot(channels["i_d_A"], channels["i_q_A"]) / math.sqrt(2.0),
         f"sqrt(i_d² + i_q²)/sqrt(2){AMPLITUDE_INVARIANT}",
     ),
     *(_balance(power, *side) for power in ELECTRICAL for side in SIDES),
@@ -173,14 +150,9 @@ def derive(
 ) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
     """Return the channels with constants and those that follow, and a note on each of these.
 
-    A channel that is there, or follows from measured ones, is never replaced by a constant.
-
-    Args:
-        channels: Canonical channels, shape (time,) each.
-        phases: Number of phases [1].
-        losses: Meaning of `losses_W`, as in `heatrun.record.motor.Motor`. A `"map"` is no balance
-            of powers, so nothing is derived for it.
-        constants: Value of a channel that is the same all the time, in its unit.
+    A channel, shape (time,), that is there, or follows from measured ones, is never replaced by a
+    constant in its unit. Losses from a `"map"` are no balance of powers: nothing is derived for
+    them.
     """
     found = dict(channels)
     notes = list(_add_derived(found, phases, losses))
@@ -211,9 +183,7 @@ def constants_of(notes: Iterable[str]) -> frozenset[str]:
 def formulas(channels: Channels, given: Collection[str]) -> dict[str, str]:
     """Return the formula of each channel that was derived, in the order of preference.
 
-    Args:
-        channels: Of a record.
-        given: Those of them that were columns of a file, or constants.
+    Given are those that were columns of a file, or constants.
     """
     found: dict[str, str] = {}
     have = {name: channels[name] for name in given if name in channels}

@@ -77,11 +77,7 @@ PLACES = frozenset(
 
 
 def is_name(text: str) -> bool:
-    """Return whether a text is made of words of a name, so that it can be no unit.
-
-    Args:
-        text: Such as `"the housing"` or `"slot 3"`.
-    """
+    """Return whether a text, as `"slot 3"`, is made of words of a name, so that it is no unit."""
     words = text.casefold().replace("_", " ").replace("-", " ").replace("/", " ").split()
     return any(word in PLACES or word in STATISTICS or word.isdigit() for word in words)
 
@@ -132,10 +128,6 @@ class Heading:
 def split_name(name: str, where: str = "") -> tuple[str, str | None]:
     """Return the label and the marked unit of a column name; see the grammar above.
 
-    Args:
-        name: Column name as it stands in the file, such as `"Winding Temp (°C)"`.
-        where: File and column, for the message.
-
     Raises:
         InputError: If the name is longer than `LONGEST_NAME`.
 
@@ -181,11 +173,7 @@ def plain(text: str) -> str:
 
 
 def unit_of_cell(cell: str) -> str | None:
-    """Return the unit text of a cell in a row of units, or None if it holds none.
-
-    Args:
-        cell: Such as `"[degC]"`, `"(s)"`, `"rpm"` or `"in kW"`.
-    """
+    """Return the unit text of a cell in a row of units, such as `"in kW"`; None without one."""
     text = plain(cell)
     if not 0 < len(text) <= 2 * LONGEST_UNIT:
         return None
@@ -305,8 +293,8 @@ def _is_behind(mark: str, text: str, *, is_known: bool) -> bool:
         return False
     sign = mark.strip()
     if not sign.strip("_.-") and mark != " - ":
-        is_sure = bool(COMPOUND.search(text)) and (is_known or " " not in text)
-        return is_clock_format(text) or (is_sure and _is_it(text, is_known=is_known))
+        is_sure = COMPOUND.search(text) and (is_unit(text) if is_known else looks_like_unit(text))
+        return is_clock_format(text) or bool(is_sure and (is_known or " " not in text))
     if is_known:
         is_clear = sign in ("/", ",") or sign.endswith("in") or (sign == "=" and text != "F")
         is_single = not is_clear and len(text) == 1
@@ -316,10 +304,6 @@ def _is_behind(mark: str, text: str, *, is_known: bool) -> bool:
     if sign.endswith("in") or mark == " / ":
         return len(text.split()) <= 3
     return len(text) > 1 and looks_like_unit(text)
-
-
-def _is_it(text: str, *, is_known: bool) -> bool:
-    return is_unit(text) if is_known else looks_like_unit(text)
 
 
 def _has_letter(text: str) -> bool:

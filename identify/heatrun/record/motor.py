@@ -79,13 +79,11 @@ class Certificate:
         """Return what the section would hold; it reads back to the same."""
         content = {key: value for key, value in asdict(self).items() if value}
         if self.instruments:
-            content["instruments"] = [_as_table(one) for one in self.instruments]
+            said = (
+                zip(INSTRUMENT_KEYS, asdict(one).values(), strict=True) for one in self.instruments
+            )
+            content["instruments"] = [{key: value for key, value in one if value} for one in said]
         return content
-
-
-def _as_table(instrument: Instrument) -> dict[str, str]:
-    values = dict(zip(INSTRUMENT_KEYS, asdict(instrument).values(), strict=True))
-    return {key: value for key, value in values.items() if value}
 
 
 @dataclass(frozen=True)
@@ -261,12 +259,8 @@ class Motor:
     path: str = ""  # The motor file, empty if made in memory.
 
     def permitted_rise(self, sink_degC: float) -> tuple[str, float] | None:
-        """Return the class whose rise is permitted, and that rise by resistance [K].
-
-        None where no class is given that has one, or the sink is not the air.
-
-        Args:
-            sink_degC: Temperature of the air [degC].
+        """Return the class whose rise is permitted over air of so many [degC], and that rise by
+        resistance [K]; None where no class is given that has one, or the sink is not the air.
         """
         letter = self.shutdown.utilisation_class or self.insulation_class
         if letter not in PERMITTED_RISE_K or self.sink != "ambient":
@@ -286,11 +280,7 @@ class Motor:
     def copper_loss_W(
         self, current_A: Float[np.ndarray, "..."], winding_degC: Float[np.ndarray, "..."]
     ) -> Float[np.ndarray, "..."]:
-        """Return the copper loss of all phases [W].
-
-        Args:
-            current_A: Phase current, rms [A].
-            winding_degC: Temperature of the winding [degC].
+        """Return the copper loss of all phases [W] by rms current and the winding's temperature.
 
         Raises:
             ValueError: If the phase resistance is not known.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +12,7 @@ from jaxtyping import Bool, Float
 from lptn import Inputs
 from lptn.inputs import SIGNALS
 
-from .blocks import Blocks, length_class, with_more
+from .blocks import length_class, with_more
 
 FEWEST_MOMENTS = 4
 """Columns of load steps at unknown moments that `Observation.padded` has at least, if any."""
@@ -49,10 +48,6 @@ class Observation(eqx.Module):
 
         The inputs are held there, so that an early reading sees past the end of the last block;
         columns of `moments` are filled up likewise, with zeros, which do nothing.
-
-        Args:
-            fewest: Blocks that there are to be at least.
-            is_seldom: As `length_class`.
         """
         num, per_block = self.weight.shape[0] // self.num_sensors, self.weight.shape[1]
         whole = length_class(max(num, fewest), is_seldom=is_seldom)
@@ -103,28 +98,3 @@ class Observation(eqx.Module):
         nothing = np.zeros(0)
         inputs = Inputs(step=np.zeros(()), current_squared=nothing, losses=nothing, ambient=nothing)
         return replace(self, inputs=inputs, weight=np.zeros((0, 0)), position=np.zeros((0, 0)))
-
-    @classmethod
-    def of(
-        cls,
-        test: Blocks,
-        heat: Float[np.ndarray, "row column"] | None,
-        noise_scale: Sequence[float] | None,
-    ) -> Observation:
-        """Return the arrays of a reduced record; arguments as `Blocks.observation`."""
-        heat = np.zeros((test.measured.size, 0)) if heat is None else heat
-        scale = np.ones(1 + len(test.fitted)) if noise_scale is None else np.array(noise_scale)
-        return cls(
-            inputs=test.inputs,
-            measured=np.nan_to_num(test.measured),
-            is_observed=test.is_observed,
-            weight=test.weight,
-            position=test.position,
-            count=np.asarray(test.count, dtype=float),
-            known_variance=test.known_variance,
-            block_s=np.asarray(test.block_s, dtype=float),
-            heat=heat,
-            moments=test.moments,
-            noise_scale=np.asarray(scale, dtype=float),
-            fitted=test.fitted,
-        )

@@ -18,7 +18,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..errors import InputError
-from .channels import BODIES
+from .channels import READINGS
 from .record import Finding
 from .samples import integral
 
@@ -35,20 +35,12 @@ ROUNDING = 1e-6
 
 
 def median_step_s(time_s: np.ndarray) -> float:
-    """Return the median distance of neighbouring samples [s]; 0 for fewer than two.
-
-    Args:
-        time_s: Times [s], shape (time,).
-    """
+    """Return the median distance of neighbouring samples [s]; 0 for fewer than two."""
     return float(np.median(np.diff(time_s))) if time_s.size > 1 else 0.0
 
 
 def require_increasing(time_s: np.ndarray, where: str) -> None:
-    """Check that times increase, without which nothing can be averaged over them.
-
-    Args:
-        time_s: Times [s], shape (time,).
-        where: File and channel, for the message.
+    """Check that times [s] increase, without which nothing can be averaged over them.
 
     Raises:
         InputError: Naming the first time that is missing, repeated or goes back.
@@ -72,12 +64,7 @@ def require_increasing(time_s: np.ndarray, where: str) -> None:
 
 
 def raster(time_s: np.ndarray, step_s: float) -> np.ndarray:
-    """Return instants of equal step [s] from the first to the last of some times.
-
-    Args:
-        time_s: Increasing times [s], shape (time,).
-        step_s: Distance of the instants [s].
-    """
+    """Return instants of equal step [s] from the first to the last of some times [s]."""
     num_steps = int(np.floor((time_s[-1] - time_s[0]) / step_s + ROUNDING))
     return time_s[0] + step_s * np.arange(num_steps + 1)
 
@@ -85,23 +72,20 @@ def raster(time_s: np.ndarray, step_s: float) -> np.ndarray:
 def means_around(
     time_s: np.ndarray, values: np.ndarray, at_s: np.ndarray, *, is_rms: bool = False
 ) -> np.ndarray:
-    """Return the mean of a channel around each instant of a raster.
+    """Return the mean of a channel around each instant of a raster, shape (instant,).
 
     The interval of an instant ends half-way to its neighbours. The course between two samples is
     a straight line (of the squares, for a root mean square); a missing sample and a pause of the
-    logger count as not covered.
+    logger count as not covered. NaN where samples cover less than half of the interval.
 
     Args:
         time_s: Increasing times of the samples [s], shape (time,).
         values: The samples, NaN where missing, shape (time,).
         at_s: Increasing instants [s], shape (instant,).
         is_rms: Average the squares and take the root, as for a current that heats.
-
-    Returns:
-        Shape (instant,); NaN where samples cover less than half of the interval.
     """
     if time_s.size < 2 or at_s.size < 2:
-        return np.interp(at_s, time_s, values) if np.array_equal(time_s, at_s) else _lone(at_s)
+        return values if np.array_equal(time_s, at_s) else np.full(at_s.size, np.nan)
     # A damaged number may be too large to be squared or summed; its mean is then missing.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         middle = 0.5 * (at_s[1:] + at_s[:-1])
@@ -111,7 +95,12 @@ def means_around(
         at_edges = np.searchsorted(knots, inside)
         course = np.where(np.isfinite(values), values, 0.0)
         at_knots = np.interp(knots, time_s, course**2 if is_rms else course)
-        length = np.diff(knots) * _is_covered(time_s, values)[_piece(time_s, knots)]
+        known = np.isfinite(values)
+        is_covered = known[1:] & known[:-1]
+        is_covered &= np.diff(time_s) <= LONGEST_GAP * median_step_s(time_s)
+        # the line between two samples on which the course between two knots lies
+        line = np.clip(np.searchsorted(time_s, knots[1:]) - 1, 0, time_s.size - 2)
+        length = np.diff(knots) * is_covered[line]
         covered = np.concatenate([[0.0], np.cumsum(length)])
         area = integral(at_knots, length)
         share = np.diff(covered[at_edges])
@@ -122,25 +111,6 @@ def means_around(
         return np.where(is_known & np.isfinite(mean), mean, np.nan)
 
 
-def _is_covered(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return which straight lines between two samples are known, shape (time - 1,)."""
-    is_known = np.isfinite(values)
-    is_near = np.diff(time_s) <= LONGEST_GAP * median_step_s(time_s)
-    return is_known[1:] & is_known[:-1] & is_near
-
-
-def _piece(time_s: np.ndarray, knots: np.ndarray) -> np.ndarray:
-    """Return on which of those lines the course between two knots lies, shape (knot - 1,)."""
-    return np.clip(np.searchsorted(time_s, knots[1:], side="left") - 1, 0, time_s.size - 2)
-
-
-def _lone(at_s: np.ndarray) -> np.ndarray:
-    return np.full(at_s.size, np.nan)
-
-
-READINGS = ("winding_degC", *BODIES)
-"""Channels that a fit compares: their samples are never multiplied."""
-
 LEAST_SAMPLES = 3
 """Fewer have no rate."""
 
@@ -149,31 +119,21 @@ def own_step(values: np.ndarray) -> int:
     """Return how many rows usually lie from a sample to the next; 1 for a channel of every row.
 
     Where every second cell or more is empty, that is the rate of the channel; a sensor that fails
-    for a while leaves its samples next to each other.
-
-    Args:
-        values: NaN where the cell is empty, shape (time,).
+    for a while leaves its samples next to each other. Empty cells are NaN, shape (time,).
     """
     rows = np.flatnonzero(np.isfinite(values))
     return int(np.median(np.diff(rows))) if rows.size >= LEAST_SAMPLES else 1
 
 
 def between_samples(values: np.ndarray) -> np.ndarray:
-    """Return which empty cells lie between two samples of the channel's own rate, shape (time,).
-
-    Args:
-        values: NaN where the cell is empty, shape (time,).
-    """
-    rows = np.flatnonzero(np.isfinite(values))
-    near = np.zeros(values.size, dtype=bool)
+    """Return which empty cells (NaN) lie between samples of a channel's own rate, shape (time,)."""
+    known = np.isfinite(values)
     step = own_step(values)
     if step == 1:
-        return near
-    index = np.arange(values.size)
-    after = np.searchsorted(rows, index)
-    first = np.where(after > 0, rows[np.maximum(after - 1, 0)], -1)
-    last = np.where(after < rows.size, rows[np.minimum(after, rows.size - 1)], values.size)
-    return ~np.isfinite(values) & (last - first < 1.5 * step + 1)
+        return np.zeros(values.size, dtype=bool)
+    rows = np.concatenate(([-1], np.flatnonzero(known), [values.size]))
+    after = np.searchsorted(rows, np.arange(values.size))
+    return ~known & (rows[after] - rows[after - 1] < 1.5 * step + 1)
 
 
 def at_own_rates(
@@ -181,12 +141,9 @@ def at_own_rates(
 ) -> tuple[dict[str, np.ndarray], tuple[Finding, ...]]:
     """Return channels without empty cells where their own rate left these, and a note for each.
 
-    Rows that hold samples of slower inputs alone are dropped once these are interpolated.
-
-    Args:
-        channels: Canonical name to values, with `time_s`, NaN where empty, shape (time,).
-        where: The file, for messages.
-        is_by_tag: Each channel has times of its own, near to those of the others.
+    Rows that hold samples of slower inputs alone are dropped once these are interpolated. Channels,
+    with `time_s`, are NaN where empty, shape (time,); by tag, each has times of its own, near to
+    those of the others.
     """
     channels = {
         name: _without_repeats(values) if name.endswith("_degC") else values
@@ -202,7 +159,7 @@ def at_own_rates(
     read = np.logical_or.reduce([nothing, *(held[name] for name in held if name in READINGS)])
     dense = np.logical_or.reduce([nothing, *(held[name] for name in held if name not in slow)])
     filled, findings = dict(channels), []
-    for name in held.keys() - set(READINGS):
+    for name in (one for one in held if one not in READINGS):
         empty = np.isfinite(time_s) if name in slow else read & ~dense
         empty &= ~held[name]
         known = held[name] & np.isfinite(time_s)
@@ -217,7 +174,13 @@ def at_own_rates(
         filled[name] = channels[name].copy()
         filled[name][empty] = np.where(is_near, np.interp(time_s[empty], at, values), np.nan)
         if name in slow:
-            findings.append(_joined(name, step_s, int(empty.sum()), time_s.size, where))
+            message = (
+                f"{int(empty.sum())} of {time_s.size} cells are empty, since the channel comes "
+            )
+            message += f"every {step_s:g} s alone: values in between are interpolated linearly."
+            at, remedy = f"{where}, {name}", "Nothing need be done."
+            values = {"step_s": step_s}
+            findings.append(Finding("raster_joined", "note", message, at, remedy, values=values))
     kept = read | dense if dense.any() or (is_by_tag and read.any()) else ~nothing
     return {name: values[kept] for name, values in filled.items()}, tuple(findings)
 
@@ -256,18 +219,6 @@ def _merged(channels: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     return {name: np.fmax.reduceat(values, starts) for name, values in channels.items()}
 
 
-def _joined(name: str, step_s: float, count: int, size: int, where: str) -> Finding:
-    return Finding(
-        id="raster_joined",
-        severity="note",
-        message=f"{count} of {size} cells are empty, since the channel comes every {step_s:g} s "
-        "alone: values in between are interpolated linearly.",
-        where=f"{where}, {name}",
-        remedy="Nothing need be done.",
-        values={"step_s": step_s},
-    )
-
-
 FEWEST_REPEATED = 20
 """Samples of a reading that show that it is repeated in between."""
 
@@ -289,10 +240,8 @@ LARGEST_SHARE_OF_STEP = 0.05
 def from_first_sample(time_s: np.ndarray) -> tuple[np.ndarray, float, str]:
     """Return times counted from the first finite one [s], that one [s], and a note on lost ones.
 
-    A time that is infinite, or so far off that the difference is, counts as missing.
-
-    Args:
-        time_s: Times [s], shape (time,); not all NaN.
+    A time that is infinite, or so far off that the difference is, counts as missing. Not all may
+    be.
     """
     start = float(time_s[np.flatnonzero(np.isfinite(time_s))[0]])
     with np.errstate(over="ignore"):
@@ -308,18 +257,13 @@ def counted_from(origin_s: float) -> str:
 
 
 def exact_grid(time_s: np.ndarray) -> tuple[np.ndarray, str]:
-    """Return the regular grid that times were rounded from, and a note if they move.
+    """Return the regular grid [s] that times [s] were rounded from, and a note if they move.
 
     Loggers that keep time as a 32-bit number write 0.100000143 and 0.200000048 for a step of
     0.1 s. The step is taken as the shortest decimal that explains every sample to the rounding
-    of such a number; samples that are missing on the grid or come twice stay so.
-
-    Args:
-        time_s: Times from the first sample [s], shape (time,).
-
-    Returns:
-        The times unchanged and an empty note where they are exact already, where no step
-        explains all of them or where the rounding is no small part of the step.
+    of such a number; samples that are missing on the grid or come twice stay so. Times, counted
+    from the first sample, stay as they are where they are exact already, where no step explains
+    all of them or where the rounding is no small part of the step.
     """
     largest = float(np.max(np.abs(time_s), initial=0.0))
     if time_s.size < 3 or not largest < LONGEST_TEST_S:  # also where a time is missing

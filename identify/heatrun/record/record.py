@@ -95,6 +95,15 @@ class Record:
     def __contains__(self, channel: str) -> bool:
         return channel in self.channels
 
+    def read_of(self, channel: str) -> ColumnReading | None:
+        """Return how a channel was read, None if it was not, or that is not known."""
+        return next((one for one in self.mapping if one.channel == channel), None)
+
+    def column_of(self, channel: str, otherwise: str = "") -> str:
+        """Return the column of the file that became a channel, or what stands in for it."""
+        read = self.read_of(channel)
+        return otherwise if read is None else read.column
+
     @property
     def time_s(self) -> np.ndarray:
         """Time of each sample [s], shape (time,)."""

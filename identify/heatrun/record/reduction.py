@@ -1,7 +1,7 @@
 """Reduction of a record to what a fit needs: means over steps, and over blocks to compare."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from .channels import BODIES
 from .derive import recorded_shaft_power
 from .motor import Motor, Scales
 from .record import Record
-from .samples import BLOCK_S, integral, needed_channels, rounding_step
+from .samples import BLOCK_S, integral, needed_channels, require, rounding_step
 
 STEP_S = 2.0
 """Length of a step [s]: on a winding of 90 s a jump of load inside a step then costs a few
@@ -55,48 +55,45 @@ def reduce(
     """
     time = record.time_s
     motor = with_scales(motor, [record])
-    _require(record, motor)
+    require(record, needed_channels(record, motor))
     if np.any(~np.isfinite(time)) or np.any(np.diff(time) <= 0):
         raise InputError(
             "time must increase from sample to sample and does not",
             where=record.name,
             remedy="Run `heatrun check` on the file: it names the lines.",
         )
-    is_read = np.isfinite(record["winding_degC"])
-    if np.sum(is_read) < FEWEST_SAMPLES:
+    num_read = np.count_nonzero(np.isfinite(record["winding_degC"]))
+    if num_read < FEWEST_SAMPLES:
         raise InputError(
-            f"{int(np.sum(is_read))} samples with a winding temperature, expected at least "
-            f"{FEWEST_SAMPLES}",
+            f"{num_read} samples with a winding temperature, expected at least {FEWEST_SAMPLES}",
             where=record.name,
             remedy="Record the whole heat run, at 1 Hz or faster.",
         )
     sample_s = float(np.median(np.diff(time)))
     step = step_s or _step_length(sample_s, record.duration_s)
-    steps_per_block = _steps_per_block(step, sample_s, record.duration_s, block_s)
+    wanted_s = block_s or min(BLOCK_S, record.duration_s / FEWEST_BLOCKS)
+    steps_per_block = max(1, round(max(wanted_s, sample_s) / step))
     num_blocks = max(1, math.ceil(record.duration_s / (step * steps_per_block) - 1e-9))
-    num_steps = num_blocks * steps_per_block
-    edges = time[0] + step * np.arange(num_steps + 1)
+    shape = (num_blocks, steps_per_block)
+    edges = time[0] + step * np.arange(num_blocks * steps_per_block + 1)
 
     means, notes = _means(record, motor, edges, step)
-    shape = (num_blocks, steps_per_block)
-    weight, position, count, measured, middle = _observation(
-        time[is_read], record["winding_degC"][is_read], edges, shape
-    )
-    start = _start(time[is_read], record["winding_degC"][is_read], step * steps_per_block)
+    winding, at_s, reading = _body(record, "winding_degC", edges, shape)
+    bodies = (body for body in BODIES if body in record and np.isfinite(record[body]).any())
     return Blocks(
         name=record.name,
         means=means,
-        measured=measured,
-        weight=weight,
-        position=position,
-        count=count,
-        time=middle - time[0],
+        measured=winding.measured,
+        weight=winding.weight,
+        position=winding.position,
+        count=winding.count,
+        time=winding.time,
         block_s=step * steps_per_block,
-        rounding_K=rounding_step(record["winding_degC"][is_read]) or 0.0,
-        start_degC=start,
+        rounding_K=winding.rounding_K,
+        start_degC=_start(at_s, reading, step * steps_per_block),
+        sensor=winding.sensor,
         sample_s=sample_s,
-        bodies=tuple(_bodies(record, edges, shape)),
-        sensor=_column(record, "winding_degC"),
+        bodies=tuple(_body(record, body, edges, shape)[0] for body in bodies),
         first_s=float(time[0]),
         has_current="phase_current_A" in record,
         sensor_sd=sensor_sd(record, motor),
@@ -125,29 +122,12 @@ def with_scales(motor: Motor, records: Sequence[Record]) -> Motor:
     ))  # fmt: skip
 
 
-def _require(record: Record, motor: Motor) -> None:
-    missing = [channel for channel in needed_channels(record, motor) if channel not in record]
-    if missing:
-        raise InputError(
-            f"channel {', '.join(missing)} is missing; the record has "
-            f"{', '.join(sorted(record.channels))}",
-            where=record.name,
-            remedy="Map it in the motor file, such as [columns] "
-            f'{missing[0]} = "name in the file [unit]".',
-        )
-
-
 def _step_length(sample_s: float, duration_s: float) -> float:
     target = min(STEP_S, duration_s / (10 * FEWEST_BLOCKS))
     if sample_s <= target:
         return sample_s * max(1, round(target / sample_s))
     longest = min(max(LONGEST_STEP_S, duration_s / MOST_STEPS), LONGEST_OF_DAYS_S)
     return sample_s / math.ceil(sample_s / longest - 1e-9)
-
-
-def _steps_per_block(step: float, sample_s: float, duration_s: float, block_s: float | None) -> int:
-    wanted = block_s or min(BLOCK_S, duration_s / FEWEST_BLOCKS)
-    return max(1, round(max(wanted, sample_s) / step))
 
 
 def _means(
@@ -169,16 +149,14 @@ def _means(
             )
         return _interval_means(record.time_s[finite], values[finite], edges)
 
-    speed = None
-    if "speed_rpm" in record and np.any(np.isfinite(record["speed_rpm"])):
-        speed = mean("speed_rpm") * (2 * math.pi / 60)
-    coolant = None
-    if "coolant_degC" in record and np.any(np.isfinite(record["coolant_degC"])):
-        coolant = mean("coolant_degC")
+    def mean_if_any(channel: str) -> np.ndarray | None:
+        is_there = channel in record and np.any(np.isfinite(record[channel]))
+        return mean(channel) if is_there else None
+
+    speed = mean_if_any("speed_rpm")
+    coolant = mean_if_any("coolant_degC")
     second = OTHER_SINK[motor.sink]
-    second_sink = coolant if second == "coolant_degC" else None
-    if second_sink is None and second in record and np.any(np.isfinite(record[second])):
-        second_sink = mean(second)
+    second_sink = coolant if second == "coolant_degC" else mean_if_any(second)
     fan = None
     for channel, full in (("fan", 1.0), ("coolant_flow_L_per_min", motor.scales.flow_L_per_min)):
         if fan is None and channel in record and np.nanmax(np.abs(record[channel])) > 0:
@@ -187,15 +165,13 @@ def _means(
     if shaft is not None:
         finite = np.isfinite(shaft)
         shaft = _interval_means(record.time_s[finite], shaft[finite], edges)
-    current_squared = np.zeros(edges.size - 1)
-    if "phase_current_A" in record:
-        current_squared = mean("phase_current_A", power=2)
+    has_current = "phase_current_A" in record
     means = {
         "step": step,
-        "current_squared": current_squared,
+        "current_squared": mean("phase_current_A", 2) if has_current else np.zeros(edges.size - 1),
         "losses": mean("losses_W"),
         "ambient": mean(f"{motor.sink}_degC"),
-        "speed": speed,
+        "speed": None if speed is None else speed * (2 * math.pi / 60),
         "coolant": coolant,
         "fan": fan,
         "shaft_power": shaft,
@@ -224,14 +200,16 @@ def _interval_means(time: np.ndarray, values: np.ndarray, edges: np.ndarray) -> 
     return np.diff(at_edges) / np.diff(edges)
 
 
-def _observation(
-    time: np.ndarray, reading: np.ndarray, edges: np.ndarray, shape: tuple[int, int]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return weight, position, count, mean reading and mean time of the blocks.
+def _body(
+    record: Record, channel: str, edges: np.ndarray, shape: tuple[int, int]
+) -> tuple[Body, np.ndarray, np.ndarray]:
+    """Return the readings of a temperature, reduced, and as they are: times [s] and values [degC].
 
     A sample belongs to the step that it ends; the very first one belongs to the first step. What
     stands in for the mean of a block without a reading is that over all of its time.
     """
+    is_read = np.isfinite(record[channel])
+    time, reading = record.time_s[is_read], record[channel][is_read]
     num_steps = edges.size - 1
     step = edges[1] - edges[0]
     index = np.ceil((time - edges[0]) / step - 1e-9).astype(int) - 1
@@ -251,35 +229,18 @@ def _observation(
     empty = count == 0
     middle[empty] = (edges[:-1].reshape(shape)[:, 0] + 0.5 * step * shape[1])[empty]
     weight[empty], position[empty] = 1.0 / shape[1], 0.5
-    return weight, position, count, measured, middle
-
-
-def _bodies(record: Record, edges: np.ndarray, shape: tuple[int, int]) -> Iterator[Body]:
-    """Yield what was read of bodies beside the winding."""
-    for channel in BODIES:
-        if channel not in record:
-            continue
-        is_read = np.isfinite(record[channel])
-        if not is_read.any():
-            continue
-        time, reading = record.time_s[is_read], record[channel][is_read]
-        weight, position, count, measured, middle = _observation(time, reading, edges, shape)
-        yield Body(
-            channel=channel,
-            measured=measured,
-            weight=weight,
-            position=position,
-            count=count,
-            time=middle - record.time_s[0],
-            rounding_K=rounding_step(reading) or 0.0,
-            start_degC=float(np.mean(reading[:5])),
-            sensor=_column(record, channel),
-        )
-
-
-def _column(record: Record, channel: str) -> str:
-    """Return the column of the file that became a channel, empty if that is not known."""
-    return next((row.column for row in record.mapping if row.channel == channel), "")
+    body = Body(
+        channel=channel,
+        measured=measured,
+        weight=weight,
+        position=position,
+        count=count,
+        time=middle - record.time_s[0],
+        rounding_K=rounding_step(reading) or 0.0,
+        start_degC=float(np.mean(reading[:5])),
+        sensor=record.column_of(channel),
+    )
+    return body, time, reading
 
 
 def _start(time: np.ndarray, reading: np.ndarray, block_s: float) -> float:

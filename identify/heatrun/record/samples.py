@@ -7,10 +7,12 @@ left out is itself reported, by `nan_block` and by the checks of the time axis.
 The step that a channel was rounded to is read off its samples too.
 """
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
+from ..errors import InputError
 from .channels import CHANNEL
 from .motor import Motor
 from .record import Finding, Record
@@ -58,6 +60,24 @@ def needed_channels(record: Record, motor: Motor) -> tuple[str, ...]:
     return needed if is_asked else tuple(name for name in needed if name != "phase_current_A")
 
 
+def require(record: Record, channels: Iterable[str]) -> None:
+    """Check that a record has channels.
+
+    Raises:
+        InputError: Naming the missing channels, what the file has and how to map them.
+    """
+    missing = [CHANNEL[name] for name in channels if name not in record]
+    if missing:
+        told = ", ".join(f"{one.name} ({one.meaning})" for one in missing)
+        raise InputError(
+            f"Missing: {told}. The file gives {', '.join(record.channels)}; not used: "
+            f"{', '.join(record.unused) or 'nothing'}.",
+            where=record.name,
+            remedy="Map each in the motor file: [columns] "
+            f'{missing[0].name} = "COLUMN [{missing[0].unit}]".',
+        )
+
+
 def is_measured(values: np.ndarray) -> np.ndarray:
     """Return which samples hold a number that can be a measurement, shape (time,)."""
     return np.abs(values) < BEYOND_MEASURE
@@ -66,13 +86,8 @@ def is_measured(values: np.ndarray) -> np.ndarray:
 def samples(record: Record, *channels: str) -> tuple[np.ndarray, ...]:
     """Return time and channels where all of them are measured and time increases.
 
-    Args:
-        record: Any record whose channels have one length.
-        channels: Canonical names.
-
-    Returns:
-        Time [s] and each channel in its unit, each of shape (usable,); all of them empty if a
-        channel is missing.
+    Time [s] and each channel in its unit have the shape (usable,), and are all empty if a channel
+    is missing.
     """
     if not all(channel in record for channel in channels):
         return (np.empty(0),) * (len(channels) + 1)
@@ -105,13 +120,7 @@ def block_means(
 ) -> tuple[np.ndarray, ...]:
     """Return mean time and mean of each channel over blocks of equal width that hold samples.
 
-    Args:
-        time_s: Increasing times [s], shape (usable,).
-        width_s: Width of a block [s].
-        channels: Values in any unit, each of shape (usable,).
-
-    Returns:
-        Mean time [s] and the means of the channels, each of shape (blocks,).
+    Times [s] increase; they and the channels have shape (usable,), the means shape (blocks,).
     """
     if time_s.size == 0:
         return (np.empty(0),) * (len(channels) + 1)
@@ -122,12 +131,7 @@ def block_means(
 
 
 def integral(values: np.ndarray, steps: np.ndarray | float) -> np.ndarray:
-    """Return the integral from the first sample to each, values straight between, shape as they.
-
-    Args:
-        values: At the samples.
-        steps: Times between them [s].
-    """
+    """Return the integral from the first sample to each, straight in between; steps are in [s]."""
     return np.concatenate([[0.0], np.cumsum(0.5 * steps * (values[1:] + values[:-1]))])
 
 
@@ -137,9 +141,10 @@ def with_all_heat(record: Record, motor: Motor) -> Record:
     At a constant resistance, or in proportion to the squared current where none is given: enough
     to tell load from rest.
     """
-    if motor.losses != "map" or not all(c in record for c in ("losses_W", "phase_current_A")):
+    names = ("losses_W", "phase_current_A")
+    if motor.losses != "map" or not all(name in record for name in names):
         return record
-    losses, current = (np.asarray(record[c], dtype=float) for c in ("losses_W", "phase_current_A"))
+    losses, current = (np.asarray(record[name], dtype=float) for name in names)
     if losses.shape != current.shape:
         return record
     with np.errstate(over="ignore", invalid="ignore"):
@@ -159,13 +164,8 @@ def is_loaded(losses_W: np.ndarray) -> np.ndarray:
 def lead_in(time_s: np.ndarray, losses_W: np.ndarray) -> int:
     """Return how many samples at the start show the temperatures before heat has changed them.
 
-    Args:
-        time_s: Increasing times [s], shape (usable,).
-        losses_W: Losses [W], shape (usable,).
-
-    Returns:
-        The samples before heat flows; where it flows from the first sample on, those of the first
-        two seconds.
+    They are those before heat flows; where it flows from the first sample on, those of the first
+    two seconds. Times [s] increase, shape (usable,), as the losses [W].
     """
     if time_s.size == 0:
         return 0
@@ -212,13 +212,7 @@ def rounding_step(values: np.ndarray) -> float | None:
     """Return the step that values were rounded to, or None if they do not lie on a grid.
 
     The offset of the grid does not matter, so kelvin rounded to 1 K and then converted is found
-    too, and so is any unit: 1 degF is a step of 5/9 K.
-
-    Args:
-        values: Measured values without NaN, shape (time,).
-
-    Returns:
-        Step in the unit of the values, or None.
+    too, and so is any unit: 1 degF is a step of 5/9 K. Values, shape (time,), are without NaN.
     """
     if values.size < 2:
         return None

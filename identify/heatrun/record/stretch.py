@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import InputError
-from .channels import BODIES, CHANNEL
+from .channels import CHANNEL, READINGS
 from .record import Record
 
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
@@ -34,25 +34,21 @@ class Stretch:
     def __str__(self) -> str:
         """Return it as it is written behind a file."""
         word, unit = ("row ", "") if self.in_rows else ("", "s")
-        last = "" if math.isinf(self.end) else f"{word}{_number(self.end)}{unit}"
-        return f"{word}{_number(self.start)}{unit}..{last}"
+        last = "" if math.isinf(self.end) else f"{word}{self.end:.12g}{unit}"
+        return f"{word}{self.start:.12g}{unit}..{last}"
 
 
 def split_stretch(text: str) -> tuple[str, str]:
     """Return a test as the command line names it, and the stretch behind it, empty where none is.
 
-    Args:
-        text: Such as `drive.csv@10min..90min`, which gives `drive.csv` and `10min..90min`.
+    `drive.csv@10min..90min` gives `drive.csv` and `10min..90min`.
     """
     found = SUFFIX.fullmatch(text)
     return (text, "") if found is None else (found["test"], found["stretch"])
 
 
 def stretch_of(text: str) -> tuple[str, Stretch | None]:
-    """Return a test as the command line names it, without its stretch, and the stretch.
-
-    Args:
-        text: Such as `drive.csv@10min..90min`; without a stretch it comes back as it is.
+    """Return a test as the command line names it, without its stretch, and the stretch, if any.
 
     Raises:
         InputError: If what stands behind `@` is no stretch.
@@ -104,7 +100,7 @@ def in_order(stretch: Stretch, where: str) -> Stretch:
     """Return a stretch that ends after it begins.
 
     Raises:
-        InputError: If it does not; `where` is what to name in the error.
+        InputError: If it does not.
     """
     if stretch.end <= stretch.start:
         raise InputError(
@@ -124,11 +120,8 @@ def cut(record: Record, stretch: Stretch, said_by: str) -> Record:
     place = np.arange(1, record.time_s.size + 1) if stretch.in_rows else record.time_s
     kept = (place >= stretch.start) & (place <= stretch.end)
     if not kept.any():
-        span = (
-            f"rows 1 to {place.size}"
-            if stretch.in_rows
-            else f"{np.nanmin(place):.6g} s to {np.nanmax(place):.6g} s"
-        )
+        span = f"{np.nanmin(place):.6g} s to {np.nanmax(place):.6g} s"
+        span = f"rows 1 to {place.size}" if stretch.in_rows else span
         raise InputError(
             f"The stretch {stretch} holds no sample; the record has {span}.",
             where=f"{record.name}, {said_by}",
@@ -148,14 +141,9 @@ def cut(record: Record, stretch: Stretch, said_by: str) -> Record:
 
 
 def mask(record: Record, windows: Sequence[tuple[float, float]], said_by: str) -> Record:
-    """Return a record whose readings of winding and bodies are left out in some windows.
+    """Return a record whose readings of winding and bodies are left out in some windows [s].
 
     Current, losses and sink stay: the model is simulated through, and not compared.
-
-    Args:
-        record: The record.
-        windows: First and last time of each [s].
-        said_by: Who asks for it, for the note.
 
     Raises:
         InputError: If a window holds no sample.
@@ -171,36 +159,28 @@ def mask(record: Record, windows: Sequence[tuple[float, float]], said_by: str) -
                 where=f"{record.name}, {said_by}",
                 remedy="Times are counted from the first sample of the file.",
             )
-    hidden = replace(record, masks=(*record.masks, *windows))
-    is_hidden = masked(hidden)
+    masks = (*record.masks, *windows)
+    hidden = within(time_s, masks)
     channels = {
-        name: np.where(is_hidden, np.nan, values)
-        if name == "winding_degC" or name in BODIES
-        else values
+        name: np.where(hidden, np.nan, values) if name in READINGS else values
         for name, values in record.channels.items()
     }
-    spans = ", ".join(f"{low:g} s to {high:g} s" for low, high in windows)
-    note = f"readings from {spans} are not compared: {said_by}"
-    return replace(hidden, channels=channels, notes=(*record.notes, note))
+    note = f"readings from {_spans(windows)} are not compared: {said_by}"
+    return replace(record, channels=channels, notes=(*record.notes, note), masks=masks)
 
 
 def bridge(record: Record, windows: Sequence[tuple[float, float]], said_by: str) -> Record:
-    """Return a record whose loads run straight through some windows.
+    """Return a record whose loads run straight through some windows [s].
 
     Temperatures stay. Each other channel is interpolated between the samples on either side: for
     values that a logger made up, such as 65535.
-
-    Args:
-        record: The record.
-        windows: First and last time of each [s].
-        said_by: Who asks for it, for the note.
 
     Raises:
         InputError: If a window holds no sample, or all of them.
     """
     if not windows:
         return record
-    hidden = masked(replace(record, masks=tuple(windows)))
+    hidden = within(record.time_s, windows)
     if hidden.all() or not all(windows_in(record, [window]) for window in windows):
         raise InputError(
             "A window of bridge holds no sample, or every one.",
@@ -215,18 +195,16 @@ def bridge(record: Record, windows: Sequence[tuple[float, float]], said_by: str)
             if known.any():
                 straight = np.interp(record.time_s, record.time_s[known], values[known])
                 channels[name] = np.where(hidden, straight, values)
-    spans = ", ".join(f"{low:g} s to {high:g} s" for low, high in windows)
-    note = f"loads from {spans} are interpolated: {said_by}"
+    note = f"loads from {_spans(windows)} are interpolated: {said_by}"
     return replace(record, channels=channels, notes=(*record.notes, note))
 
 
-def move_load(record: Record, offset_s: float, said_by: str) -> Record:
-    """Return a record whose load stands at other times, over the time that both cover.
+def _spans(windows: Sequence[tuple[float, float]]) -> str:
+    return ", ".join(f"{low:g} s to {high:g} s" for low, high in windows)
 
-    Args:
-        record: The record.
-        offset_s: What is added to the times of the load [s].
-        said_by: Who asks for it, for the note.
+
+def move_load(record: Record, offset_s: float, said_by: str) -> Record:
+    """Return a record whose load is so many seconds later, over the time that both cover.
 
     Raises:
         InputError: If no time has load and temperatures.
@@ -303,10 +281,6 @@ def _row(found: re.Match[str] | None, text: str, otherwise: float, where: str) -
             remedy="Write both ends as rows, or both as times.",
         )
     return float(found["row"])
-
-
-def _number(value: float) -> str:
-    return f"{value:.12g}"
 
 
 def runs(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -42,6 +42,11 @@ class Stated:
     # the kind of a current alone: that it is an amplitude.
     scope: Literal["column", "quantity", "unclear", "kind"] = "column"
 
+    @property
+    def at_start(self) -> str:
+        """The source as a sentence begins with it."""
+        return f"{self.source[:1].upper()}{self.source[1:]}"
+
 
 @dataclass(frozen=True)
 class Column:
@@ -98,9 +103,7 @@ def on_all_times(
 ) -> tuple[np.ndarray, list[np.ndarray]]:
     """Return all times that columns have, and the columns there, NaN at those of others.
 
-    Args:
-        times: Of each column, increasing, shape (sample,).
-        columns: Their values, shape (sample,) each.
+    The times of each column increase, shape (sample,).
     """
     moments = np.unique(np.concatenate(times))
     spread = []
@@ -205,15 +208,13 @@ def no_signals(kind: str, where: str) -> InputError:
 
 
 def kind_of_frames(text: str) -> str:
-    """Return of what kind a log of frames is, empty for any other text.
-
-    Args:
-        text: With line ends as in Python.
-    """
+    """Return of what kind a log of frames is, empty for any other text."""
     filled = (line.strip() for line in text.splitlines()[: 5 * NUM_LINES])
     lines = list(itertools.islice((line for line in filled if line), NUM_LINES))
-    if any(_names_frames(line) for line in lines[:10]):
-        return "a table of frames"
+    for line in lines[:10]:
+        names = {re.sub(r"[^a-z0-9]", "", name.casefold()) for name in re.split(r"[,;\t|]", line)}
+        if len(names) > 2 and all(names & wanted for wanted in NAMES_OF_FRAMES):
+            return "a table of frames"
     if any(FIRST_LINES.match(line) for line in lines[:10]):
         return "a log of a bus analyser"
     frames = sum(CANDUMP.match(line) is not None for line in lines)
@@ -232,8 +233,3 @@ def _bytes_of(cells: Sequence[str]) -> Sequence[str]:
         if length and len(data) >= int(length[1]) > 1:
             return data[: int(length[1])]
     return ()
-
-
-def _names_frames(line: str) -> bool:
-    names = {re.sub(r"[^a-z0-9]", "", name.casefold()) for name in re.split(r"[,;\t|]", line)}
-    return len(names) > 2 and all(names & wanted for wanted in NAMES_OF_FRAMES)

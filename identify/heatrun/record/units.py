@@ -342,24 +342,18 @@ def find_unit(spelling: str, quantity: str) -> Unit | None:
     Case is only ignored where it decides nothing: mW and MW stay apart, a prefix M is never read
     as m, whose unit it exceeds by nine orders, and short symbols are of one case but for their
     first letter ("KW", "Rpm", not "nM").
-
-    Args:
-        spelling: Unit as the file writes it, such as `"°C"`.
-        quantity: Key of `QUANTITIES`.
     """
     if len(spelling) > LONGEST_UNIT:
         return None
     exact, folded = _spellings(quantity)
     key = _key(spelling)
     unit = exact.get(key) or folded.get(key.casefold())
-    if unit is None or key in exact:
+    if unit is None or key in exact or len(key) > LONGEST_SYMBOL:
         return unit
-    if len(key) <= LONGEST_SYMBOL:
-        meant = next(known for known in exact if known.casefold() == key.casefold())
-        is_other_case = key in (key.lower(), key.upper()) or key[1:] == meant[1:]
-        is_mega = key[:1] == "M" and meant[:1] == "m" and meant[1:2].isupper()
-        return unit if is_other_case and not is_mega else None
-    return unit
+    meant = next(known for known in exact if known.casefold() == key.casefold())
+    is_other_case = key in (key.lower(), key.upper()) or key[1:] == meant[1:]
+    is_mega = key[:1] == "M" and meant[:1] == "m" and meant[1:2].isupper()
+    return unit if is_other_case and not is_mega else None
 
 
 def quantities_of(spelling: str) -> tuple[str, ...]:
@@ -386,11 +380,7 @@ def is_unit(spelling: str) -> bool:
 
 @lru_cache(maxsize=4096)
 def looks_like_unit(text: str) -> bool:
-    """Return whether a text is a unit, known or not, or a misspelled one.
-
-    Args:
-        text: Such as `"kVA"`, `"gal/min"` or `"Celcius"`.
-    """
+    """Return whether a text is a unit, known or not, or a misspelled one, as `"Celcius"`."""
     if not 0 < len(text) <= LONGEST_UNIT:
         return False
     key = _key(text)
@@ -403,40 +393,23 @@ def looks_like_unit(text: str) -> bool:
 def closest_unit(
     spelling: str, quantity: str | None = None, *, likeness: float = 0.6
 ) -> str | None:
-    """Return the known spelling nearest to one that is not known, or None if none is near.
+    """Return the known spelling of a quantity, or of any, nearest to one that is not known.
 
-    Args:
-        spelling: Unit as the file writes it.
-        quantity: Key of `QUANTITIES`, or None for all of them.
-        likeness: Least similarity of the two spellings, from 0 to 1 [1].
+    None if none is near: their similarity, from 0 to 1 [1], is less than the likeness.
     """
     if len(spelling) > LONGEST_UNIT:
         return None
     known: dict[str, str] = {}
     for name in QUANTITIES if quantity is None else (quantity,):
-        known |= {key: first for key, first in _candidates(name).items() if key not in known}
+        for unit in QUANTITIES[name]:
+            for one in (unit.symbol, *unit.spellings):
+                known.setdefault(_key(one).casefold(), one)
     near = difflib.get_close_matches(_key(spelling).casefold(), known, n=1, cutoff=likeness)
     return known[near[0]] if near else None
 
 
-@cache
-def _candidates(quantity: str) -> dict[str, str]:
-    """Return the spellings of a quantity by their lower-case key."""
-    known: dict[str, str] = {}
-    for unit in QUANTITIES[quantity]:
-        for candidate in (unit.symbol, *unit.spellings):
-            known.setdefault(_key(candidate).casefold(), candidate)
-    return known
-
-
 def require_unit(spelling: str, quantity: str, *, where: str, remedy: str = "") -> Unit:
-    """Return the unit that a spelling stands for.
-
-    Args:
-        spelling: Unit as the file writes it.
-        quantity: Key of `QUANTITIES`.
-        where: File and column, for the message.
-        remedy: What to do, put behind the accepted units; by default how to write a unit.
+    """Return the unit that a spelling stands for; the remedy is put behind the accepted units.
 
     Raises:
         InputError: If the unit is refused, belongs to another quantity or is not known; with the
@@ -467,12 +440,7 @@ def require_unit(spelling: str, quantity: str, *, where: str, remedy: str = "") 
 
 
 def to_canonical(values: np.ndarray, unit: Unit) -> np.ndarray:
-    """Return values converted to the canonical unit of their quantity, shape (time,).
-
-    Args:
-        values: Values in `unit`, shape (time,).
-        unit: A unit of `QUANTITIES`.
-    """
+    """Return values, shape (time,), in a unit converted to the canonical one of its quantity."""
     if unit.factor == 1.0 and unit.offset == 0.0:
         return values
     # The offset of degF is a factor's multiple: (F - 32) is exact where F*5/9 - 160/9 is not.

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from ..io.quantities import quantity, rounded
-from ..io.texts import Texts
+from ..io.texts import Texts, table
 from ..record.derive import constants_of
-from ..record.findings import FINDINGS
+from ..record.findings import OF_ID
 from ..record.motor import Certificate
 from ..record.record import Finding
 from ..results import FitResult
@@ -222,8 +222,8 @@ def told(finding: Finding, say: Texts) -> tuple[str, bool]:
     A message that the table lacks stays English, under what all findings of its id mean.
     """
     message, remedy = say.sentences(finding.message), say.sentences(finding.remedy)
-    kind = FINDINGS.get(finding.id)
-    above = say.again(kind.meaning) if message is None and kind else ""
+    meaning = f"{OF_ID}{finding.id}"
+    above = say(meaning) if message is None and meaning in table() else ""
     said = replace(
         finding,
         where=say.sentences(finding.where) or finding.where,

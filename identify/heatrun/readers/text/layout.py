@@ -235,18 +235,11 @@ class Layout:
 
 
 def find_layout(
-    text: str,
-    where: str,
-    stated_decimal: str | None = None,
-    delimiters: Sequence[str] = DELIMITERS,
+    text: str, where: str, stated_decimal: str | None = None, delimiters: Sequence[str] = DELIMITERS
 ) -> Layout:
     r"""Return the layout of a text with `\n` line ends.
 
-    Args:
-        text: The whole text.
-        where: The file, for messages.
-        stated_decimal: Decimal sign that the motor file states, or None.
-        delimiters: Those of `DELIMITERS` that come into question.
+    The motor file may state the decimal sign; of `DELIMITERS` those are given that may be it.
 
     Raises:
         InputError: If there is no table of numbers, only one column, no header or no data.
@@ -255,7 +248,8 @@ def find_layout(
     while lines and not lines[-1].strip():
         lines.pop()
     if not lines:
-        raise InputError("Expected a table, got an empty file.", where=where, remedy=_COPY_AGAIN)
+        remedy = "Copy the file again from the bench; it may have been cut."
+        raise InputError("Expected a table, got an empty file.", where=where, remedy=remedy)
     said = DECIMAL_SEPARATOR.search("\n".join(lines))
     stated_decimal = stated_decimal or (said["sign"] if said else None)
     signs = (".", ",") if stated_decimal is None else (stated_decimal,)
@@ -338,9 +332,6 @@ def first_word(line: str, delimiter: str) -> str:
     word = line.partition("\t" if delimiter == " " else delimiter)[0].strip(' "')
     word = word.split(maxsplit=1)[0] if delimiter == " " and word else word
     return word if re.search(r"[^\W\d_]|[*#]", word) and not is_value(word, ".") else ""
-
-
-_COPY_AGAIN = "Copy the file again from the bench; it may have been cut."
 
 
 def _best_split(

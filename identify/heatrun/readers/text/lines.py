@@ -7,7 +7,7 @@ table parser would fill up short lines without a word.
 import codecs
 import itertools
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from ...io.quantities import printable
 from ...io.toml_text import table_header
 from ...record.header import plain
 from ...record.record import Finding
+from ...record.stretch import runs
 from ...record.units import is_unit
 from .layout import Layout, first_word
 from .values import start_of_line
@@ -289,8 +290,7 @@ def _header_again(
     """
     found = np.zeros(ends.size, dtype=bool)
     first = _first_cells(body, ends, layout)
-    names = layout.header.encode()
-    starts = np.concatenate(([0], ends[:-1] + 1))
+    names, starts = layout.header.encode(), _starts(ends)
     position = body.find(names) if names else -1
     while position >= 0:
         line = int(np.searchsorted(ends, position))
@@ -321,10 +321,10 @@ def _first_cells(body: bytes, ends: np.ndarray, layout: Layout) -> Callable[[int
     return word
 
 
-def restarted(lines: DataLines, where: str) -> list[Finding]:
-    """Return the finding about a header that stands among the data again, if any."""
+def restarted(lines: DataLines, where: str) -> Iterator[Finding]:
+    """Yield the finding about a header that stands among the data again, if any."""
     if not lines.restarts:
-        return []
+        return
     ends = (*lines.restarts, lines.numbers.size)
     first = ", ".join(str(row) for row in lines.restarts[:NUM_NAMED])
     more = " and more" if len(lines.restarts) > NUM_NAMED else ""
@@ -332,54 +332,52 @@ def restarted(lines: DataLines, where: str) -> list[Finding]:
     section = table_header("tests", Path(where.removesuffix(".gz")).stem)
     if len(lines.restarts) > MOST_RESTARTS:
         rows = "[FIRST, LAST], …"
-    return [
-        Finding(
-            id="logger_restarted",
-            severity="warning",
-            message=f"The header stands there again, word for word, behind sample {first}{more}: "
-            "the logger was started again. Nothing says how long it was off.",
-            where=where,
-            remedy="Where the times go on, nothing need be done. If it was off for long, read the "
-            f"parts as tests of their own, in the motor file: {section} use_rows = [{rows}].",
-            values={"count": len(lines.restarts), "first_sample": lines.restarts[0]},
-        )
-    ]
+    yield Finding(
+        "logger_restarted",
+        "warning",
+        f"The header stands there again, word for word, behind sample {first}{more}: "
+        "the logger was started again. Nothing says how long it was off.",
+        where,
+        "Where the times go on, nothing need be done. If it was off for long, read the "
+        f"parts as tests of their own, in the motor file: {section} use_rows = [{rows}].",
+        values={"count": len(lines.restarts), "first_sample": lines.restarts[0]},
+    )
 
 
-def ragged_lines(lines: DataLines, layout: Layout, where: str) -> list[Finding]:
-    """Return the finding about lines that were left out, if any."""
+def ragged_lines(lines: DataLines, layout: Layout, where: str) -> Iterator[Finding]:
+    """Yield the finding about lines that were left out, if any."""
     count = lines.ragged.size
     if count == 0:
-        return []
+        return
     first = ", ".join(str(number) for number in lines.ragged[:NUM_NAMED])
     more = " and more" if count > NUM_NAMED else ""
-    return [
-        Finding(
-            id="ragged_rows",
-            severity="warning",
-            message=f"Lines without exactly {layout.width} cells, or of words below the table, "
-            f"hold no sample ({count}): line {first}{more}; the first is "
-            f"'{printable(lines.ragged_texts[0][:60])}'.",
-            where=where,
-            remedy="Export again if these samples matter.",
-            values={"count": count, "first_line": int(lines.ragged[0])},
-        )
-    ]
+    yield Finding(
+        "ragged_rows",
+        "warning",
+        f"Lines without exactly {layout.width} cells, or of words below the table, "
+        f"hold no sample ({count}): line {first}{more}; the first is "
+        f"'{printable(lines.ragged_texts[0][:60])}'.",
+        where,
+        "Export again if these samples matter.",
+        values={"count": count, "first_line": int(lines.ragged[0])},
+    )
 
 
 def _texts(body: bytes, ends: np.ndarray, ragged: np.ndarray) -> tuple[str, ...]:
     """Return the first ragged lines."""
-    first = np.flatnonzero(ragged)[:MOST_TEXTS]
-    starts = np.concatenate(([0], ends[:-1] + 1))
+    first, starts = np.flatnonzero(ragged)[:MOST_TEXTS], _starts(ends)
     return tuple(body[starts[line] : ends[line]].decode()[:LONGEST_TEXT] for line in first)
+
+
+def _starts(ends: np.ndarray) -> np.ndarray:
+    """Return where lines begin, by where they end."""
+    return np.concatenate(([0], ends[:-1] + 1))
 
 
 def _joined(body: bytes, ends: np.ndarray, good: np.ndarray) -> bytes:
     """Return the good lines, copied by runs of them."""
-    starts = np.concatenate(([0], ends[:-1] + 1))
-    change = np.flatnonzero(np.diff(good.astype(np.int8), prepend=0, append=0))
-    runs = change.reshape(-1, 2)  # first line of each run, first line behind it
-    return b"".join([body[starts[first] : ends[last - 1] + 1] for first, last in runs])
+    starts = _starts(ends)
+    return b"".join(body[starts[a] : ends[b - 1] + 1] for a, b in zip(*runs(good), strict=True))
 
 
 def _count_by_pieces(body: bytes, delimiter: str) -> tuple[np.ndarray, ...]:
@@ -404,21 +402,16 @@ def _count_by_pieces(body: bytes, delimiter: str) -> tuple[np.ndarray, ...]:
 def _count_cells(
     raw: np.ndarray, ends: np.ndarray, delimiter: str
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return for each line its number of cells (0 if a quote stays open), if all are empty, and
-    if nothing at all stands in it.
-    """
-    starts = np.concatenate(([0], ends[:-1] + 1))
+    """Return of each line its number of cells (0 with an open quote), if all or it are empty."""
+    starts = _starts(ends)
     gap = (raw == ord(" ")) | (raw == ord("\t")) | (raw == ord("\n"))
     solid = np.concatenate(([0], np.cumsum(~gap & (raw != ord(delimiter)), dtype=np.int64)))
-    is_empty = solid[ends] == solid[starts]
-    is_blank = is_empty
-    if delimiter != " ":
-        marked = np.concatenate(([0], np.cumsum(raw == ord(delimiter), dtype=np.int64)))
-        is_blank = is_empty & (marked[ends] == marked[starts])
+    is_empty = is_blank = solid[ends] == solid[starts]
     if delimiter == " ":
         marks = np.flatnonzero(~gap & np.concatenate(([True], gap[:-1])))
     else:
         marks = np.flatnonzero(raw == ord(delimiter))
+        is_blank = is_empty & (np.searchsorted(marks, ends) == np.searchsorted(marks, starts))
     quotes = np.flatnonzero(raw == ord('"'))
     quotes_before = np.searchsorted(quotes, starts)
     is_open = (np.searchsorted(quotes, ends) - quotes_before) % 2 == 1

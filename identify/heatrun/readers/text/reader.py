@@ -5,7 +5,7 @@ motor file says about reading a file.
 """
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -22,16 +22,9 @@ from ...record.units import find_unit, is_unit
 from ..clock import TimeFormat, parse_time_format, stated_format
 from ..historian import Variable, by_clock, by_tag, is_time, without_bad
 from .layout import DELIMITERS, Layout, find_layout
-from .lines import (
-    CODECS,
-    DataLines,
-    data_lines,
-    decode,
-    ragged_lines,
-    restarted,
-)
+from .lines import CODECS, DataLines, data_lines, decode, ragged_lines, restarted
 from .remarks import X_NAME, stated_raster, units_of_remarks
-from .values import MISSING, doubtful, read_values, signs_joined, unreadable_cells, unsettled_cells
+from .values import MISSING, findings_of, read_values, signs_joined, unsettled_cells
 from .written_otherwise import from_json, units_over_columns
 
 Decimal = Literal[".", ","]
@@ -60,11 +53,7 @@ class Hints:
 
 
 def hints_of(
-    columns: Columns | None,
-    decimal: Decimal | None = None,
-    *,
-    where: str,
-    sheet: str | None = None,
+    columns: Columns | None, decimal: Decimal | None = None, *, where: str, sheet: str | None = None
 ) -> Hints:
     """Return what the `[columns]` and `decimal` of a motor file say about reading.
 
@@ -110,30 +99,28 @@ def missing_rows(
     if rate_Hz is None:
         places = ", ".join(f"{time_s[row]:.6g} s" for row in before[:NUM_NAMED])
         return Finding(
-            id="rows_missing",
-            severity="note",
-            message=f"{count} lines between the samples are empty or have another number of cells,"
+            "rows_missing",
+            "note",
+            f"{count} lines between the samples are empty or have another number of cells,"
             f" behind {places}{more}. The file's own times are not moved by them.",
-            where=where,
-            remedy="Export again if these samples matter.",
+            where,
+            "Export again if these samples matter.",
             values={"count": count, "from_s": float(time_s[before[0]])},
         )
-    first, last = sample_numbers[before] + 1, sample_numbers[before + 1] - 1
+    first, last = (sample_numbers[before] + 1) / rate_Hz, (sample_numbers[before + 1] - 1) / rate_Hz
     spans = ", ".join(
-        f"{low / rate_Hz:.6g} s"
-        if low == high
-        else f"{low / rate_Hz:.6g} s to {high / rate_Hz:.6g} s"
+        f"{low:.6g} s" if low == high else f"{low:.6g} s to {high:.6g} s"
         for low, high in zip(first[:NUM_NAMED], last[:NUM_NAMED], strict=True)
     )
     return Finding(
-        id="rows_missing",
-        severity="warning",
-        message=f"{count} of {int(sample_numbers[-1]) + 1} samples are missing, at {spans}{more}: "
+        "rows_missing",
+        "warning",
+        f"{count} of {int(sample_numbers[-1]) + 1} samples are missing, at {spans}{more}: "
         "their lines are empty or have another number of cells. The time, made from a rate, goes "
         "on over them.",
-        where=where,
-        remedy="Export again if these samples matter, and with a time column.",
-        values={"count": count, "from_s": float(first[0] / rate_Hz)},
+        where,
+        "Export again if these samples matter, and with a time column.",
+        values={"count": count, "from_s": float(first[0])},
     )
 
 
@@ -153,24 +140,13 @@ EXACT: dict[str, Any] = (
 
 
 def read_text(
-    data: bytes,
-    where: str,
-    hints: Hints = NO_HINTS,
-    *,
-    delimiters: Sequence[str] = DELIMITERS,
+    data: bytes, where: str, hints: Hints = NO_HINTS, *, delimiters: Sequence[str] = DELIMITERS
 ) -> Table:
-    """Read a text table.
+    """Read a text table, its columns under their names in the file.
 
-    Args:
-        data: The bytes of the file.
-        where: The file, for messages.
-        hints: What the motor file says about reading.
-        delimiters: What may stand between the cells.
-
-    Returns:
-        The columns under their names in the file. Cells that are no numbers are NaN and lines
-        with another number of cells are left out, both with a finding. Clock times and dates are
-        seconds; where the file leaves open which, the column carries the question.
+    Cells that are no numbers are NaN and lines with another number of cells are left out, both with
+    a finding. Clock times and dates are seconds; where the file leaves open which, the column
+    carries the question. The delimiters are what may stand between the cells.
 
     Raises:
         InputError: If the file holds no table with a header and at least one line of numbers.
@@ -250,8 +226,7 @@ def read_text(
                         question=values.question, start=values.start)  # fmt: skip
         columns.append(_called(column, layout.called.get(index)))
         places.append(index)
-        found = (unreadable_cells(values, name, body.numbers, where), doubtful(values, name, where))
-        findings += [finding for finding in found if finding is not None]
+        findings += findings_of(values, name, body.numbers, where)
     _refuse_second_header(unreadable, body.numbers, where)
     columns = _with_milliseconds(columns)
     columns, bad = _without_bad(columns, places, frame, layout.names, body.numbers, where)
@@ -369,44 +344,33 @@ def _refuse_units_between(body: DataLines, layout: Layout, where: str) -> None:
 
 def _refuse_second_header(unreadable: Sequence[np.ndarray], lines: np.ndarray, where: str) -> None:
     """Refuse a line among the data in which no column holds a number: names or units again."""
-    if len(unreadable) < 2:
-        return
-    texts = np.flatnonzero(np.logical_and.reduce(unreadable))
-    if texts.size == 0:
-        return
-    raise InputError(
-        f"Line {lines[texts[0]]} holds text in every column of numbers ({texts.size} such lines): "
-        "a second table, or a repeated header, whose units may differ.",
-        where=where,
-        remedy="Split the file there, or delete the line if the units stay the same.",
-    )
-
-
-def _settings(layout: Layout, where: str) -> list[Finding]:
-    count = layout.num_settings
-    if count == 0:
-        return []
-    return [
-        Finding(
-            id="rows_above",
-            severity="note",
-            message=f"{count} lines of numbers stand above the names, under other names: they are "
-            "no samples of this table.",
+    texts = lines[np.logical_and.reduce(unreadable)] if len(unreadable) > 1 else lines[:0]
+    if texts.size:
+        raise InputError(
+            f"Line {texts[0]} holds text in every column of numbers ({texts.size} such "
+            "lines): a second table, or a repeated header, whose units may differ.",
             where=where,
-            remedy="If they are a test, save them as a file of their own.",
+            remedy="Split the file there, or delete the line if the units stay the same.",
+        )
+
+
+def _settings(layout: Layout, where: str) -> Iterator[Finding]:
+    if count := layout.num_settings:
+        yield Finding(
+            "rows_above",
+            "note",
+            f"{count} lines of numbers stand above the names, under other names: they are "
+            "no samples of this table.",
+            where,
+            "If they are a test, save them as a file of their own.",
             values={"count": count},
         )
-    ]
 
 
 def _taken_as_decimal(question: Question, name: str, where: str) -> Finding:
-    return Finding(
-        id="decimal_assumed",
-        severity="warning",
-        message=f"{question.problem} It is taken as decimal, since commas separate the cells.",
-        where=f"{where}, column {name}",
-        remedy=question.remedy,
-    )
+    message = f"{question.problem} It is taken as decimal, since commas separate the cells."
+    at = f"{where}, column {name}"
+    return Finding("decimal_assumed", "warning", message, at, question.remedy)
 
 
 def parsed_cells(body: bytes, layout: Layout, where: str) -> pd.DataFrame:

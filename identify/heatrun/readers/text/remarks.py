@@ -317,8 +317,7 @@ def _add_pair(
         found[column].append(Stated(unit, source))
     if columns or not is_unit(unit):
         return
-    words = re.findall(r"[^\W\d_]+", ABOUT_UNIT.sub("", label).casefold())
-    if words and all(word in GENERAL for word in words):
+    if _is_made_of(GENERAL, ABOUT_UNIT.sub("", label)):
         _add_to_all(found, Stated(unit, source, "quantity"))
     elif len(unit) > 1:
         _add_to_all(found, Stated(unit, source, "unclear"))
@@ -334,9 +333,13 @@ def _add_kind(
     said = Stated("amplitude", source, "kind")
     for column in _columns(match["label"], known, len(found)):
         found[column].append(said)
-    words = re.findall(r"[^\W\d_]+", match["label"].casefold())
-    if words and all(word in CURRENT for word in words):
+    if _is_made_of(CURRENT, match["label"]):
         _add_to_all(found, said)
+
+
+def _is_made_of(known: Container[str], text: str) -> bool:
+    words = re.findall(r"[^\W\d_]+", text.casefold())
+    return bool(words) and all(word in known for word in words)
 
 
 def _pair(text: str) -> tuple[str, str] | None:

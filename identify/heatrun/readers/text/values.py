@@ -6,7 +6,7 @@ Which decimal sign numbers have is judged with them, and whether the file settle
 import csv
 import datetime
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -31,7 +31,6 @@ from ..clock import (
 from ..dates import (
     DATE_TIME,
     DATE_TIME_CELL,
-    NO_YEAR,
     SHORT_FRACTION,
     is_worded_date,
     numbered_dates,
@@ -62,31 +61,25 @@ def signs_joined(text: str) -> str:
     return BETWEEN_BLANKS.sub(r"\1", text) if is_apart else text
 
 
-GROUPED = {
-    ".": r"[+-]?[0-9]{1,3}(?:,[0-9]{3})+(?:\.[0-9]+)?",
-    ",": r"[+-]?[0-9]{1,3}(?:\.[0-9]{3})+(?:,[0-9]+)?",
-}
+def _by_sign(pattern: str) -> dict[str, str]:
+    """Return a pattern by decimal sign {0}, with {1} for the other one."""
+    return {".": pattern.format(r"\.", ","), ",": pattern.format(",", r"\.")}
+
+
+GROUPED = _by_sign("[+-]?[0-9]{{1,3}}(?:{1}[0-9]{{3}})+(?:{0}[0-9]+)?")
 """Numbers with separators of thousands, by decimal sign: read as values only where the motor file
 states the decimal sign, but they show the layout."""
 
-SURELY_GROUPED = {
-    ".": r"[+-]?[0-9]{1,3}(?:(?:,[0-9]{3})+\.[0-9]+|(?:,[0-9]{3}){2,})",
-    ",": r"[+-]?[0-9]{1,3}(?:(?:\.[0-9]{3})+,[0-9]+|(?:\.[0-9]{3}){2,})",
-}
+SURELY_GROUPED = _by_sign(
+    "[+-]?[0-9]{{1,3}}(?:(?:{1}[0-9]{{3}})+{0}[0-9]+|(?:{1}[0-9]{{3}}){{2,}})"
+)
 """Those of them in which the sign can do nothing else: beside the decimal sign, or twice."""
 
-SPACED = {
-    sign: rf"[+-]?[0-9]{{1,3}}(?:[ \u00a0\u2009\u202f'’_][0-9]{{3}})+(?:{sign_pattern}[0-9]+)?"
-    for sign, sign_pattern in ((".", r"\."), (",", ","))
-}
+SPACES = "[ \u00a0\u2009\u202f'’_]"
+SPACED = _by_sign(f"[+-]?[0-9]{{{{1,3}}}}(?:{SPACES}[0-9]{{{{3}}}})+(?:{{0}}[0-9]+)?")
 """Numbers with separators of thousands that can be nothing else."""
 
-SPACES = "[ \u00a0\u2009\u202f'’_]"
-
-THOUSANDS_OR_DECIMALS = {
-    ".": r"[+-]?[1-9][0-9]{0,2}\.[0-9]{3}",
-    ",": r"[+-]?[1-9][0-9]{0,2},[0-9]{3}",
-}
+THOUSANDS_OR_DECIMALS = _by_sign("[+-]?[1-9][0-9]{{0,2}}{0}[0-9]{{3}}")
 """Numbers that are whole where the sign separates thousands, and are not where it is decimal."""
 
 SURELY_DECIMAL = (
@@ -294,37 +287,26 @@ def unsettled_cells(cells: pd.Series, decimal: str) -> Question | None:
     )
 
 
-def unreadable_cells(values: Values, column: str, lines: np.ndarray, where: str) -> Finding | None:
-    """Return the finding about the cells of a column that became NaN, or None.
-
-    `lines` are the line numbers in the file, from 1, shape (time,).
+def findings_of(values: Values, column: str, lines: np.ndarray, where: str) -> Iterator[Finding]:
+    """Yield what is to be said of cells that became NaN, and of times that were read in one of two
+    ways; lines are numbers in the file, from 1, shape (time,).
     """
-    if values.unreadable is None or not values.unreadable.any():
-        return None
-    count = int(values.unreadable.sum())
-    line = int(lines[values.unreadable][0])
-    return Finding(
-        id="unreadable_cells",
-        severity="warning",
-        message=f"{count} of {values.numbers.size} cells hold no number; the first is "
-        f"'{printable(values.first_text[:40])}' in line {line}. They count as missing.",
-        where=f"{where}, column {column}",
-        remedy="Export numbers alone, without separators of thousands.",
-        values={"count": count, "first_line": line},
-    )
-
-
-def doubtful(values: Values, column: str, where: str) -> Finding | None:
-    """Return the finding about times that were read in one of two ways, or None."""
-    if not values.doubt:
-        return None
-    return Finding(
-        id="time_assumed",
-        severity="warning",
-        message=values.doubt,
-        where=f"{where}, column {column}",
-        remedy=f'State the format: [columns] time_s = "{column} [mm:ss]" or "{column} [hh:mm]".',
-    )
+    where = f"{where}, column {column}"
+    if values.unreadable is not None and values.unreadable.any():
+        count = int(values.unreadable.sum())
+        line = int(lines[values.unreadable][0])
+        yield Finding(
+            "unreadable_cells",
+            "warning",
+            f"{count} of {values.numbers.size} cells hold no number; the first is "
+            f"'{printable(values.first_text[:40])}' in line {line}. They count as missing.",
+            where,
+            "Export numbers alone, without separators of thousands.",
+            values={"count": count, "first_line": line},
+        )
+    if values.doubt:
+        stated = f'[columns] time_s = "{column} [mm:ss]" or "{column} [hh:mm]".'
+        yield Finding("time_assumed", "warning", values.doubt, where, f"State the format: {stated}")
 
 
 def _thousands(texts: pd.Series, decimal: str) -> Question | None:
@@ -385,20 +367,14 @@ def _read_dates(texts: pd.Series, name: str) -> Values | None:
     numbered, known_by = numbered_dates(texts)
     if not known_by and not texts.str.fullmatch(DATE_TIME).any():
         return None
-    column = _without_year(read_dates(numbered, name, known_by=known_by))
+    column = read_dates(numbered, name, known_by=known_by)
     return column if column.note else None
-
-
-def _without_year(column: Values) -> Values:
-    return replace(column, note=column.note.replace(f".{NO_YEAR} ", ". "))
 
 
 def counted_times(cells: pd.Series, numbers: np.ndarray) -> Values | None:
     """Return times in counts since a year, None if not all numbers are such; no unit says them.
 
-    Args:
-        cells: As the file holds them, whole numbers where it can.
-        numbers: The same as float64, NaN where there is none, shape (time,).
+    Cells are as the file holds them, whole if it can; numbers the same as float64, shape (time,).
     """
     known = np.isfinite(numbers)
     for said, (epoch, low, high, per_second) in TICKS.items():
@@ -434,7 +410,7 @@ def _read_stated(texts: pd.Series, missing: np.ndarray, stated: TimeFormat, name
     if stated.order:
         numbered, known_by = numbered_dates(plain_clocks(texts))
         order = "year-month-day" if known_by else stated.order
-        column = _without_year(read_dates(numbered, name, order, known_by=known_by))
+        column = read_dates(numbered, name, order, known_by=known_by)
     else:
         column = read_stated(texts, stated)
     unreadable = ~missing & ~np.isfinite(column.numbers)
