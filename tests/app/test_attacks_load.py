@@ -33,7 +33,6 @@ def _alive(served, wire) -> None:
 
 @pytest.fixture(autouse=True, scope="module")
 def _lives(served, wire) -> Iterator[None]:
-    """After all of them the page is still there."""
     yield
     _alive(served, wire)
 

@@ -14,7 +14,6 @@ PLACES = (
 
 @pytest.fixture(autouse=True, scope="module")
 def _alive(served, wire):
-    """After all of them the page is still there."""
     yield
     tab = wire.Tab(served.url)
     assert "duty_30min.csv.gz" in tab.document()

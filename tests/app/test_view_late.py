@@ -21,7 +21,6 @@ class Idle:
 
 
 def _children(document: Document, title: str) -> list[str]:
-    """Return the ids of what stands in a tab."""
     (tab,) = (each for each in document.models if getattr(each, "title", None) == title)
     return [each.id for each in tab.child.children]
 

@@ -29,7 +29,6 @@ def _parts(each: Any) -> Iterator[dict[str, Any]]:
 
 
 def _models(content: Any) -> dict[str, Any]:
-    """Return the models that a message brings, by id."""
     return {each["id"]: each for each in _parts(content) if each.get("type") == "object"}
 
 

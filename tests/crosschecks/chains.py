@@ -43,7 +43,6 @@ EDGE = 0.1
 
 
 def fitted(test: str, order: str, *, until_s: float | None = None) -> Fit:
-    """Return the fit of a bundled record, or of what it holds before a time."""
     motor = load_motor(SYNTHETIC / "motor.toml")
     path = SYNTHETIC / f"{test}.csv.gz"
     with tempfile.TemporaryDirectory() as folder:

@@ -33,7 +33,6 @@ def bundled_inputs(test: str, step_s: float, num: int | None = None) -> lptn.Inp
 
 
 def plain(inputs: lptn.Inputs) -> tuple[np.ndarray, np.ndarray]:
-    """Return the edges [s] and the drive of `independent` as plain arrays."""
     current, speed = np.asarray(inputs.current_squared), np.asarray(inputs.speed)
     columns = [
         current,

@@ -80,7 +80,6 @@ BUILT = {}
 
 
 def written(folder, made):
-    """Write the sources; return the folder."""
     folder.mkdir(exist_ok=True)
     for name, text in made.texts().items():
         (folder / name).write_bytes(text)
@@ -88,7 +87,6 @@ def written(folder, made):
 
 
 def build(folder, made, *words, harness="main.c"):
-    """Compile the sources with a harness; return the program."""
     written(folder, made)
     sources = ("thermal_network.h", "thermal_network.c", harness)
     key = (*words, *((folder / name).read_bytes() for name in sources))
@@ -114,7 +112,6 @@ def observed(folder, made, start, sd, rows, *words):
 
 
 def run_observer(program, start, sd, rows):
-    """Return what the program says, as `observed`."""
     done = subprocess.run([program, str(start), str(sd)], input=np.asarray(rows, float).tobytes(),
                           capture_output=True, check=False)  # fmt: skip
     assert done.returncode == 0

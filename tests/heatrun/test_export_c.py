@@ -247,7 +247,6 @@ int main(void)
 
 
 def answers(folder, made, ask=ASK):
-    """Return what the program says that asks for times and currents."""
     (folder / "ask.c").write_text(ask)
     status, said = checked(folder, build(folder, made, harness="ask.c"))
     assert status == 0

@@ -214,7 +214,6 @@ def test_no_name_gets_into_xml_toml_or_the_sheet(hostile_run):
 
 
 def attributes(path):
-    """Return the attributes of each element of an XML file by its tag."""
     return {element.tag: element.attrib for element in ElementTree.parse(path).getroot().iter()}
 
 

@@ -94,7 +94,6 @@ def test_set_to_the_end_of_its_intervals_it_is_as_lptn_there(read, fmu, finished
 
 @pytest.fixture
 def slave(fmu):
-    """An instance before its start."""
     description = fmpy.read_model_description(str(fmu))
     made = FMU3Slave(
         guid=description.guid, unzipDirectory=str(fmu), modelIdentifier="thermal_network",

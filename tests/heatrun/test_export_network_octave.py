@@ -52,7 +52,6 @@ CLOSE_K = 1e-3
 
 
 def record(step=1.5, num=401):
-    """Ten minutes with steps of current, speed (of both signs), coolant and fan."""
     t = step * np.arange(num)
     runs = (t // 60) % 2 == 0
     return Record(
@@ -82,8 +81,6 @@ SHORT = record()
 
 @dataclass(frozen=True)
 class Case:
-    """A model and how it is driven."""
-
     base: str = "second"  # Key of `BASES`.
     effects: tuple[str, ...] = ()  # Ids, in order.
     motor: Motor = MOTOR  # Says what the losses mean, and the sink.

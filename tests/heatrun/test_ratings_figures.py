@@ -81,7 +81,6 @@ def motor(losses="balance", **more):
 
 
 def posterior(order, machine, values, effects=(), tests=None):
-    """Draws with the given values, all other parameters at the centres of their priors."""
     kinds = tuple(BY_ID[name] for name in effects)
     problem = Problem.of(Model.of(order, machine, kinds), machine, tests or [blocks()])
     z = np.zeros((NUM, problem.num_parameters + 3))

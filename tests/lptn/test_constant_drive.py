@@ -75,7 +75,6 @@ def answers(network, losses, effects, current, share, stator):
 
 
 def asked(law, kind, network, *, current=(CURRENT,), share=(0.5,), stator=SINK):
-    """Answers to some currents or shares, as arrays."""
     num = max(len(current), len(share))
     losses = CopperLosses(Rs0=jnp.asarray(RS0), kind=kind)
     columns = [np.resize(values, NUM_ROWS) for values in (current, share, stator)]

@@ -111,7 +111,6 @@ def bench_record(
 
 
 def cooling_record(machine: Machine, *, seed: int = 0) -> dict[str, np.ndarray]:
-    """Return a cool-down without current from a hot start, as `bench_record`."""
     rng = np.random.default_rng(seed)
     time_s = np.arange(0.0, machine.minutes * 60.0, machine.step_s)
     nothing = np.zeros(time_s.size)

@@ -110,11 +110,9 @@ class Bench:
         return int(np.argmax(rise))  # of short loads, the end of the hottest
 
     def after(self, place: int, seconds: float) -> int:
-        """Return the place so many seconds later."""
         return int(min(np.searchsorted(self.time, self.time[place] + seconds), self.time.size - 1))
 
     def write(self, folder: Path) -> Path:
-        """Write motor file and record; return the path of the record."""
         path = folder / "test.csv"
         table = pd.DataFrame(self.columns).rename(columns=HEADINGS)
         table.to_csv(path, index=False, float_format="%.9g")
@@ -382,7 +380,6 @@ def doubts(row: Row) -> list[str]:
 
 
 def is_caught(row: Row) -> bool:
-    """Return whether anything was said of an accident."""
     return bool(doubts(row))
 
 
@@ -406,7 +403,6 @@ def num_beside(row: Row) -> int:
 
 
 def table(rows: Sequence[Row], seed: int) -> str:
-    """Return the report of a study."""
     clean = [row for row in rows if not row["accident"]]
     accused = [row for row in clean if doubts(row)]
     low, high = limits_95(len(accused), max(len(clean), 1))
@@ -445,13 +441,11 @@ def table(rows: Sequence[Row], seed: int) -> str:
 
 
 def struck(job: Row) -> Row:
-    """Return the row of a case, in a folder of its own."""
     with tempfile.TemporaryDirectory() as folder:
         return run(job, Path(folder))
 
 
 def main() -> None:
-    """Run the cases that are left, and write rows and table."""
     options = options_of(__doc__, "accidents", REPORTING_SEED, clean=240, each=6).parse_args()
     names = [""] * options.clean + [name for name in ACCIDENTS for _ in range(options.each)]
     jobs = [{"accident": name, "seed": options.seed + n} for n, name in enumerate(names)]

@@ -83,7 +83,6 @@ def table(rows: Sequence[Row], command: str, seed: int, planned: int) -> str:
 
 
 def is_trouble(row: Row) -> bool:
-    """Return whether a case hides what was not declared."""
     return (row["kind"], row["variant"]) in TROUBLE
 
 
@@ -99,7 +98,6 @@ def _is_refused(row: Row) -> bool:
 
 
 def covers(row: Row, name: str) -> bool:
-    """Return whether a parameter is in its 95 % interval."""
     low, high = row["interval_95"][name]
     return low <= row["truth"][name] <= high
 
@@ -228,7 +226,6 @@ def _parameters(rows: Sequence[Row]) -> list[str]:
 
 
 def _refusals(refused: Sequence[Row], broken: Sequence[Row]) -> list[str]:
-    """Return the sentences of refusals, and the last line of tracebacks."""
     lines = []
     if refused:
         lines += ["", "Refused:", ""]

@@ -52,15 +52,12 @@ class Errors:
 
     @classmethod
     def drawn(cls, scores: np.ndarray, sd: Mapping[str, float]) -> Errors:
-        """Return errors of given standard deviations for their standard scores."""
         names = cls.__dataclass_fields__
         return cls(**{name: float(sd[name] * z) for name, z in zip(names, scores, strict=True)})
 
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """Noise of the winding sensor."""
-
     sd_K: float  # Standard deviation of the Ornstein-Uhlenbeck part [K].
     time_s: float  # Its correlation time [s].
     white_sd_K: float  # Standard deviation of the white part of one sample at 1 Hz [K].
@@ -86,7 +83,6 @@ class SensorNoise:
         return rng.standard_t(3.0, num) / np.sqrt(3.0)  # of variance 1
 
     def rounded(self, reading: np.ndarray) -> np.ndarray:
-        """Return readings as the logger writes them [degC]."""
         steps = reading / self.resolution_K
         return self.resolution_K * (np.floor(steps) if self.truncates else np.rint(steps))
 
@@ -113,8 +109,6 @@ class HiddenHeat:
 
 @dataclass(frozen=True)
 class Simulated:
-    """One test as the bench wrote it, with its truth."""
-
     channels: dict[str, np.ndarray]  # Canonical channels, each of shape (time,).
     # What the sensor would read without noise and rounding, shape (reading,).
     sensor_degC: np.ndarray
@@ -204,7 +198,6 @@ def time_constants(values: Mapping[str, Any]) -> dict[str, np.ndarray]:
 
 
 def nearest_duration(machine: Any, spans: float) -> float:
-    """Return the length of test [s] nearest to so many slow time constants of a machine."""
     network = {name: getattr(machine, name) for name in ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")}
     wanted = spans * float(time_constants(network)["tau_slow"])
     return min(DURATIONS_S, key=lambda duration: abs(np.log(duration / wanted)))

@@ -167,7 +167,6 @@ def jobs(seed: int, share: float) -> Iterator[Row]:
 def write(
     rows: list[Row], found: list[Row], out: Path, words: str, seed: int, planned: int
 ) -> None:
-    """Write rows, gates, summary, table and figures; `words` are those of the command."""
     rows = sorted(rows, key=lambda row: (list(NUM_RECORDS).index(row["cell"]), row["index"]))
     packages = ("heatrun", "jax", "numpy", "scipy", "optimistix", "emcee")
     content = {
@@ -259,7 +258,6 @@ def _coverage_line(cell: str, method: str, rows: Sequence[Row], names: Sequence[
 
 
 def _by_duration(rows: Sequence[Row]) -> list[str]:
-    """Return coverage of 95 % by length of the test."""
     lines = ["## Coverage of 95 % intervals by length of the test, quick [%]", ""]
     lines += heads(" | ".join(["cell | test | records", *NETWORK]))
     for cell in ("as declared", "exact instruments"):
@@ -294,7 +292,6 @@ def _prediction(rows: Sequence[Row], cells: Sequence[str]) -> list[str]:
 
 
 def _between(rows: Sequence[Row]) -> list[str]:
-    """Return coverage where the load was logged slowly, by what heatrun says of it."""
     slow = [row for row in rows if max(row.get("between_K", [0.0])) > 0.0]
     if not slow:
         return []

@@ -87,7 +87,6 @@ def jobs(
 
 
 def run(job: dict[str, Any]) -> dict[str, Any]:
-    """Run one case through the command and return its row."""
     case = hidden_bench().make_case(
         job["hidden"], job["seed"], target_K=job["target_K"], only_test=job["only_test"]
     )
@@ -117,7 +116,6 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
 
 
 def write_bench(case: Any, folder: Path, order: str) -> list[str]:
-    """Write motor file and records of a case; return the arguments of the command."""
     write_motor(case, folder)
     by_role: dict[str, list[str]] = {"calibration": [], "holdout": []}
     for test in case.tests:
@@ -145,7 +143,6 @@ def shorter() -> Any:
 
 
 def described(result: dict[str, Any] | None) -> dict[str, Any]:
-    """Return what `discovery.json` says, in the figures of a row."""
     if result is None:
         return {"verdict": "none", "named": [], "traces": [], "holdout": None, "stages_s": {}}
     rejected = [row["id"] for row in result["candidates"] if "held-out test worse" in row["reason"]]

@@ -68,8 +68,6 @@ class Score:
 
 @dataclass(frozen=True)
 class Outcome:
-    """One network, calibrated on one set of profiles."""
-
     trained: tuple[int, ...]  # Ids of the profiles that were fitted.
     left_out: dict[int, str]  # Why others of the set were not, by id.
     network: str  # Its name.
@@ -173,7 +171,6 @@ class Bench:
         return f"{path}@{RATE_HZ:g}Hz"
 
     def refusal(self, number: int) -> str:
-        """Return why no fit can take a profile, empty if one can."""
         try:
             found = heatrun.check(self.motor, self.test(number))
         except InputError as error:
@@ -246,13 +243,11 @@ def reading(found: Prediction, course: pd.DataFrame, time_s: np.ndarray) -> np.n
 
 
 def errors(measured: np.ndarray, predicted: np.ndarray) -> tuple[float, float]:
-    """Return mean squared error [K^2] and maximum absolute error [K] of samples [degC]."""
     error = measured - predicted
     return float(np.mean(error**2)), float(np.max(np.abs(error)))
 
 
 def first_sentence(text: str) -> str:
-    """Return a message up to the end of its first sentence."""
     end = min((at for stop in (". ", "; ", "\n") if (at := text.find(stop)) > 0), default=len(text))
     return text[:end].rstrip(".")
 
@@ -291,7 +286,6 @@ def table(outcomes: Sequence[Outcome]) -> str:
 
 
 def rows(outcome: Outcome, num: int = 1) -> list[str]:
-    """Return the row of an outcome in Markdown, for so many profiles."""
     many = len(outcome.trained) > 8
     trained = f"{len(outcome.trained)} profiles" if many else ", ".join(map(str, outcome.trained))
     head = f"| {trained or '–'} | {outcome.network}"

@@ -58,7 +58,6 @@ def run(job: Row) -> Row:
 
 
 def population_of(fleet: Path, out: Path, *words: str) -> tuple[Row, list[Row]]:
-    """Run the command on the folder of a fleet; return what it says, and its rows."""
     code = cli.main(["population", str(fleet), *words, "--out", str(out)])
     if code != 0:
         raise SystemExit(f"the population of {fleet} ended with {code}")
@@ -73,7 +72,6 @@ def rows_of(path: Path) -> list[Row]:
 
 
 def _population(fleet: Fleet, content: Row) -> list[Row]:
-    """Return each parameter of the population with its truth and its interval."""
     used = [machine["name"] for machine in content["machines"]]
     middle = np.exp(fleet.middle(used))
     (label,) = content["covariates"]

@@ -48,8 +48,6 @@ reference_temperature_degC = {REFERENCE_degC}
 
 @dataclass(frozen=True)
 class Fleet:
-    """A fleet and its truth."""
-
     mean: np.ndarray  # Of the logarithms over machines of the supplier north, shape (parameter,).
     sd: np.ndarray  # Over machines of one supplier, outliers left aside, shape (parameter,).
     correlation: np.ndarray  # Likewise, shape (parameter, parameter).
@@ -63,16 +61,13 @@ class Fleet:
 
     @property
     def is_outlier(self) -> np.ndarray:
-        """Which machines are something else, shape (machine,)."""
         return self.odd >= 0
 
     @property
     def machines(self) -> list[str]:
-        """Their names."""
         return [f"M{number:04d}" for number in range(len(self.logs))]
 
     def middle(self, machines: Sequence[str]) -> np.ndarray:
-        """Return the logarithms in the middle of the suppliers of some machines."""
         places = [int(name[1:]) for name in machines]
         return self.mean + self.is_south[places].mean() * self.supplier
 
@@ -104,7 +99,6 @@ def draw_fleet(seed: int, num: int, *, outliers: float = OUTLIERS, short: float 
 
 
 def write_fleet(fleet: Fleet, folder: Path, seed: int) -> Path:
-    """Write motor file, tests, table of machines and fleet file; return the last."""
     rows, tests = [], []
     for place, name in enumerate(fleet.machines):
         supplier = "south" if fleet.is_south[place] else "north"
@@ -217,7 +211,6 @@ def courses(
 
 
 def _noise(num: int, steps: int, rng: np.random.Generator) -> np.ndarray:
-    """Return the noise of readings a second apart [K], shape (machine, second)."""
     slow = slowly(num, steps, SLOW_S, rng)
     return SLOW_K * slow + WHITE_K * rng.standard_normal((num, steps))
 

@@ -50,7 +50,6 @@ MOTOR = Motor(
 
 
 def cases(clean: int, hidden: int, large: int, off: int, unknown: int) -> list[Row]:
-    """Return the fleets of the study, the kinds in turn."""
     kinds: list[tuple[str, str, int, int]] = [("clean", "", NUM, clean)]
     kinds += [("hidden", name, NUM, hidden) for name in hidden_fleet.EFFECTS]
     kinds += [("hidden", name, LARGE, large) for name in hidden_fleet.EFFECTS]
@@ -115,7 +114,6 @@ def evidence_of_fleet(tests: Sequence[Sequence[dict[str, np.ndarray]]]) -> list[
 
 
 def is_named(row: Row) -> bool:
-    """Whether the hidden effect is named, or is in the stated set."""
     claims = [e for e in row["effects"] if e["is_beyond_instruments"]]
     return any(row["name"] in (e["id"], *e["equivalents"]) for e in claims)
 
@@ -128,7 +126,6 @@ def is_exact(row: Row) -> bool:
 
 
 def has_more(row: Row) -> bool:
-    """Whether a second effect is claimed beside the hidden one."""
     return len(row["effects"]) > 1
 
 
@@ -138,8 +135,6 @@ def is_claimed(row: Row) -> bool:
 
 
 def table(rows: list[Row]) -> list[str]:
-    """Return the lines of the page's tables."""
-
     def line(label: str, some: list[Row], *counts: int) -> str:
         said = []
         for hits in counts:
@@ -212,7 +207,6 @@ def page(rows: list[Row], planned: int) -> str:
 
 
 def main() -> None:
-    """Run what is left of the study, so many fleets of each kind."""
     counts = {"clean": 120, "hidden": 6, "large": 2, "off": 6, "unknown": 3}
     parser = options_of(__doc__, "fleet", FIRST_SEED, **counts)
     parser.add_argument("--cache", type=Path, help="folder that keeps the machines' evidence")

@@ -99,7 +99,6 @@ def _following(fleet: NoisyFleet, folder: Path, how: str, motor: str, job: Row) 
 
 
 def _type(fleet: NoisyFleet, content: Row) -> list[Row]:
-    """Return what is said of the type, each with its truth."""
     rows = []
 
     def add(of: str, name: str, kind: str, truth: float, entry: Row) -> None:
@@ -123,7 +122,6 @@ def _type(fleet: NoisyFleet, content: Row) -> list[Row]:
 
 
 def _heat_of_the_next(fleet: NoisyFleet, content: Row, num: int) -> list[bool]:
-    """Return whether the heat of each further machine lies in what is said of the next one."""
     low, high = content["noise"]["parameters"]["unmodelled_heat"]["next_interval_95"]
     return [bool(low <= heat <= high) for heat in np.exp(fleet.noise[num:, 3])]
 
@@ -229,7 +227,6 @@ TYPES = (
 
 
 def _by_heat(rows: Sequence[Row]) -> list[str]:
-    """Return how often the medians of the noise hold their truth, by parameter and by heat."""
     lines = []
     for heat in sorted({row["heat"] for row in rows}):
         of_type = [each for row in rows if row["heat"] == heat for each in row["type"]]

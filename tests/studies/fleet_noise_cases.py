@@ -54,8 +54,6 @@ MOTOR = f'{TYPE}[columns]\nspeed_rpm = "n"\n'
 
 @dataclass(frozen=True)
 class NoisyFleet:
-    """A fleet and its truth."""
-
     machines: Fleet  # Their thermal parameters.
     noise_mean: np.ndarray  # Of the logarithms over machines, shape (noise,).
     noise_sd: np.ndarray  # Likewise, machines of another noise left aside, shape (noise,).

@@ -127,8 +127,6 @@ UNKNOWN: dict[str, Callable[[Plant], None]] = {
 
 @dataclass(frozen=True)
 class Fleet:
-    """The records of a fleet."""
-
     parameters: dict[str, np.ndarray]  # Of each machine, by name, shape (machine,).
     bench: dict[str, float]  # Errors that all machines share.
     # By machine, by test: columns of the record, shape (time,).
@@ -293,7 +291,6 @@ def amplitude_of(effect: str, visible_K: float) -> float:
 
 
 def write(found: Fleet, folder: Path) -> Path:
-    """Write a fleet as files; return the fleet file."""
     tests = {f"M{i:03d}_{number + 1}": columns for i, tests in enumerate(found.tests)
              for number, columns in enumerate(tests)}  # fmt: skip
     rows = [f"{name[:4]},A,tests/{name}.csv" for name in tests]

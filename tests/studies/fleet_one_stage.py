@@ -115,7 +115,6 @@ def main() -> None:
 
 
 def _two_stages(folder: Path, seed: int) -> Population:
-    """Return the population as `heatrun.population` draws it."""
     rows = read_fleet(folder)
     (type,) = rows.types
     gathered = designed(gathered_of_fleet(rows, type), [COVARIATE], str(folder))
@@ -140,7 +139,6 @@ def _fits(path: Path) -> list[Fit]:
 
 
 def _machines(fits: list[Fit], two: Population) -> tuple[Any, Machines, np.ndarray]:
-    """Return what is compiled, the numbers of the machines, and the thermal scores' places."""
     slots = fits[0].slots
     places = np.array([i for i, slot in enumerate(slots) if slot.parameter.role == "network"])
     others = np.setdiff1d(np.arange(fits[0].vector.size), places)
@@ -191,7 +189,6 @@ def _log_density(
 def _of_machine(
     structure: Any, places: np.ndarray, law: Law, machine: Machines, thermal: Any, other: Any
 ) -> Any:
-    """Return the log density of a machine's readings and scores, with the Jacobian [nat]."""
     centre = law.mean + machine.design @ law.effects
     wide = machine.width * law.factor
     inner = jnp.eye(centre.size) + wide.T @ machine.precision @ wide
@@ -222,7 +219,6 @@ def _sample(
     two: Population, structure: Any, machines: Machines, places: np.ndarray,
     options: argparse.Namespace,
 ) -> tuple[Law, dict[str, float]]:  # fmt: skip
-    """Return draws of the law by NUTS, and what is said of the chains."""
     scores = _scores(two)
     root = np.linalg.cholesky(np.cov(scores.T) + 1e-9 * np.eye(scores.shape[1]))
     hypers = jnp.asarray(scores.mean(axis=0)), jnp.asarray(root)
@@ -291,7 +287,6 @@ def _scores(two: Population) -> np.ndarray:
 
 
 def _compared(two: Population, one: Law) -> list[dict[str, Any]]:
-    """Return median and interval of each number of the population by both ways."""
     rows = []
     for place, name in enumerate(two.evidence.names):
         for kind, of in (
@@ -310,7 +305,6 @@ def _compared(two: Population, one: Law) -> list[dict[str, Any]]:
 
 
 def _lines(content: dict[str, Any], fleet: Fleet) -> list[str]:
-    """Return the lines of the table in Markdown."""
     said = content["diagnostics"]
     minutes = fleet.minutes
     lines = [

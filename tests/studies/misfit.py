@@ -103,7 +103,6 @@ def table(rows: Sequence[Row], command: str, seed: int, planned: int) -> str:
 
 
 def _words(row: Row) -> str:
-    """What is hidden, and in which tests."""
     return row["kind"] + (", two tests" if row.get("tests") == "two_tests" else "")
 
 
@@ -153,7 +152,6 @@ def _width(rows: Sequence[Row]) -> str:
 
 
 def _covered(row: Row) -> list[bool]:
-    """Whether each judged parameter is in its 95 % interval."""
     intervals, truth = row["interval_95"], row["truth"]
     return [intervals[n][0] <= truth[n] <= intervals[n][1] for n in _judged(row)]
 
@@ -173,7 +171,6 @@ def _far(row: Row) -> bool:
 
 
 def _outside(row: Row) -> bool:
-    """Whether a parameter is outside its 95 % interval."""
     return any(
         not row["interval_95"][name][0] <= row["truth"][name] <= row["interval_95"][name][1]
         for name in _judged(row)

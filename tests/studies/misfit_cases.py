@@ -98,7 +98,6 @@ POWER = 15.0
 
 
 def jobs(first_seed: int, repeats: int, num_clean: int) -> list[dict[str, Any]]:
-    """Return all cases in the order in which they are run, which is by chance."""
     kinds = [(kind, n, "duty") for kind in KINDS if kind != "nothing" for n in range(repeats)]
     kinds += [("nothing", REFERENCES, "duty")] * num_clean
     kinds += [(kind, REFERENCES, "two_tests") for kind in IN_TWO_TESTS for _ in range(repeats)]
@@ -111,12 +110,10 @@ def jobs(first_seed: int, repeats: int, num_clean: int) -> list[dict[str, Any]]:
 
 
 def is_in_machine(kind: str) -> bool:
-    """Return whether a kind hides something in the machine or its winding sensor."""
     return kind != "nothing" and kind not in OF_AN_INSTRUMENT
 
 
 def run(job: dict[str, Any]) -> dict[str, Any]:
-    """Run one case through the command and return its row."""
     kind = job["kind"]
     hidden = () if kind in ("nothing", *BY_HAND) else (kind,)
     case = hidden_bench().make_case(
@@ -141,7 +138,6 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
 
 
 def write_bench(case: Any, folder: Path, kind: str) -> list[str]:
-    """Write motor file and records of a case; return the arguments of the command."""
     machine = case.machine
     write_motor(case, folder)
     paths = []
@@ -162,7 +158,6 @@ def write_bench(case: Any, folder: Path, kind: str) -> list[str]:
 
 
 def described(folder: Path, case: Any) -> dict[str, Any]:
-    """Return what a run says, beside the truth."""
     import heatrun
     from heatrun.results.values import known
     from heatrun.runs.verdict import headline

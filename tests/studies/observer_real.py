@@ -40,7 +40,6 @@ def main() -> None:
 
 
 def followed(record: pd.DataFrame, fitted: str) -> Row:
-    """Calibrate on the first part, export, and follow the rest."""
     is_fitted = record.time_s < FITTED_UNTIL_S[fitted]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -83,7 +82,6 @@ def followed(record: pd.DataFrame, fitted: str) -> Row:
 
 
 def table(rows: list[Row]) -> str:
-    """Return the table in Markdown."""
     lines = [
         "# The exported observer on a real record",
         "",

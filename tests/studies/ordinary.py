@@ -66,7 +66,6 @@ def discovered(found: Row) -> list[Row]:
 
 
 def stated_parameters(fit: Row) -> dict[str, Row]:
-    """Return the entries of `fit.json` by the name that their truth has."""
     model = fit["models"]["second"]
     entries, derived = model["parameters"], model["derived"]
     found = {name: entries[name] for name in ("Ceq_w", "Ceq_sr", "Req_w")}
@@ -78,7 +77,6 @@ def stated_parameters(fit: Row) -> dict[str, Row]:
 
 
 def true_at(case: Case, condition: str, otherwise: float | None) -> float | None:
-    """Return the true resistance at the conditions that the page states, if it states any."""
     read = {name: float(number) for name, number in re.findall(
         r"(stator|sink) (-?\d+) °C", condition)}  # fmt: skip
     rpm = re.search(r"(\d+) rpm", condition)
@@ -90,7 +88,6 @@ def true_at(case: Case, condition: str, otherwise: float | None) -> float | None
 
 
 def stated_use(run_folder: Path) -> str:
-    """Return the verdict of page 1: usable, restricted or not usable."""
     import heatrun
     from heatrun.runs.verdict import headline
 
@@ -115,7 +112,6 @@ def instruments_told(fit: Row, wanted: dict[str, float]) -> list[str]:
 
 
 def jobs(first_seed: int, num: int, kinds: Sequence[str], discover: float) -> list[Row]:
-    """Return the cases, the kinds by turns; a share of them is discovered too."""
     listed = [
         {"kind": list(KINDS)[place % len(KINDS)], "seed": first_seed + place,
          "seeks": (place // len(KINDS) + 1) * discover % 1.0 < discover}
@@ -125,7 +121,6 @@ def jobs(first_seed: int, num: int, kinds: Sequence[str], discover: float) -> li
 
 
 def run(job: Row) -> Row:
-    """Run one case through the commands and return its row."""
     case = make(job["kind"], job["seed"])
     machine, begin = case.machine, time.process_time()
     structure = structure_fitted(case, job["seed"])
@@ -152,7 +147,6 @@ def run(job: Row) -> Row:
 
 
 def described(folder: Path, row: Row, case: Case) -> Row:
-    """Return what a run folder says, beside the truth."""
     fit = json.loads((folder / "fit.json").read_text(encoding="utf-8"))
     path = folder / "discovery.json"
     found = json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
@@ -221,7 +215,6 @@ def held(rows: Sequence[Row], verb: str, by: str = "holdout_rmse_K") -> list[boo
 
 
 def gates(rows: Sequence[Row], verb: str) -> list[str]:
-    """Return the gates as rows of a table, for what a command said."""
     stated = [row for row in rows if row[verb]["use"] != "not usable"]
     usable = [row for row in rows if row[verb]["use"] == "usable"]
     lines = [

@@ -89,7 +89,6 @@ def main() -> None:
 def calibrated(
     record: pd.DataFrame, part: str, sensors: str, network: str, folder: Path
 ) -> heatrun.Run:
-    """Return the run of one part, as read back from its folder."""
     first, last = PARTS[part]
     chosen = record[(record.time_s >= first) & (record.time_s < last)]
     motor, test = folder / "motor.toml", folder / f"{part}.csv"
@@ -100,7 +99,6 @@ def calibrated(
 
 
 def columns_of(chosen: pd.DataFrame) -> dict[str, pd.Series]:
-    """Return rows of the recording as channels of heatrun, time from their first one."""
     shaft = chosen.torque_Nm * chosen.speed_rpm * np.pi / 30.0
     return {
         "time_s": chosen.time_s - chosen.time_s.iloc[0],
@@ -118,12 +116,10 @@ def columns_of(chosen: pd.DataFrame) -> dict[str, pd.Series]:
 
 
 def warnings(run: heatrun.Run) -> list[str]:
-    """Return the findings that warn, each once."""
     return [*dict.fromkeys(f.id for f in run.result.findings if f.severity == "warning")]
 
 
 def table(runs: dict[tuple[str, str], heatrun.Run], larger: dict[str, heatrun.Run]) -> str:
-    """Return the tables in Markdown."""
     lines = [
         "# One motor, parts of one record",
         "",
@@ -177,13 +173,11 @@ def table(runs: dict[tuple[str, str], heatrun.Run], larger: dict[str, heatrun.Ru
 
 
 def is_certified(run: heatrun.Run, name: str) -> bool:
-    """Return whether page 1 may be used, and a parameter on it is identified."""
     entry = run.result.models["second"].parameters[name]
     return headline(run.result).use != "not usable" and entry.identifiability == "identified"
 
 
 def _errors(run: heatrun.Run, network: str) -> str:
-    """Return the cells of errors, noise and warnings."""
     model = run.result.models[network]
     bodies = {row.body: f"{row.rmse_K:.2f} K" for row in model.bodies or ()}
     cells = [f"{model.residuals[0].rmse_K:.2f} K"]
@@ -198,7 +192,6 @@ def _interval(run: heatrun.Run, name: str) -> tuple[float, float]:
 
 
 def overlap(one: tuple[float, float], other: tuple[float, float]) -> bool:
-    """Return whether two intervals have a value in common."""
     return max(one[0], other[0]) <= min(one[1], other[1])
 
 

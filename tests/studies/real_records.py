@@ -107,8 +107,6 @@ hangs on the last digits, and page 1 says *not to be used*.
 
 @dataclass(frozen=True)
 class Row:
-    """One record and one network."""
-
     record: str  # What was recorded, and how it was read.
     network: str  # Name of the network; empty where no fit was tried.
     refused: str  # First sentence of the error, empty without one.
@@ -153,8 +151,6 @@ def main() -> None:
 
 @dataclass(frozen=True)
 class Job:
-    """One fit that a user may ask for."""
-
     record: str  # As `Row.record`.
     network: str  # Name of the network.
     motor: str  # The motor file.
@@ -163,7 +159,6 @@ class Job:
 
 
 def paderborn(path: Path) -> Iterator[Job]:
-    """Yield the fits of profile 24."""
     if not path.exists():
         return
     record = pd.read_csv(path)
@@ -189,7 +184,6 @@ def small_motor(folder: Path) -> Iterator[Job]:
 
 
 def after_stop(path: Path, from_s: float) -> pd.DataFrame:
-    """Return the thermocouples' readings from a moment on."""
     whole = pd.read_csv(path, skiprows=6, encoding="utf-8-sig")
     minutes = whole["Time (s)"].str.split(":", expand=True).astype(float)
     whole["Time (s)"] = 60.0 * minutes[0] + minutes[1]
@@ -197,7 +191,6 @@ def after_stop(path: Path, from_s: float) -> pd.DataFrame:
 
 
 def calibrated(job: Job, folder: Path) -> Row:
-    """Return how a fit went."""
     began = time.monotonic()
     motor = folder / "motor.toml"
     motor.write_text(job.motor, encoding="utf-8")
@@ -240,7 +233,6 @@ def calibrated(job: Job, folder: Path) -> Row:
 
 
 def line(row: Row) -> str:
-    """Return a row of the table in Markdown."""
     if row.refused:
         return f"| {row.record} | {row.network} | {row.refused} | | | | | {row.seconds:.0f} s |"
     cells = []

@@ -114,7 +114,6 @@ def bench(seed: int, delay_s: float, kind: str) -> Row:
 
 
 def run(job: Row) -> Row:
-    """Return the row of a case: what the command wrote, beside the truth."""
     made = bench(job["seed"], job["delay_s"], job["kind"])
     began = time.process_time()  # other jobs may share the cores
     code, said = answer(made)
@@ -135,7 +134,6 @@ def run(job: Row) -> Row:
 
 
 def answer(made: Row) -> tuple[int | None, Row | None]:
-    """Return the exit code of the command, and what stands in the file that it wrote."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "motor.toml").write_text(made["motor"], encoding="utf-8")
@@ -147,7 +145,6 @@ def answer(made: Row) -> tuple[int | None, Row | None]:
 
 
 def jobs(seed: int, share: float = 1.0) -> list[Row]:
-    """Return the cases, each with a seed of its own."""
     kinds = [(kind, delay) for kind, delay, num in PLAN for _ in range(max(1, round(share * num)))]
     return [
         {"seed": seed + place, "kind": kind, "delay_s": delay}
@@ -161,13 +158,11 @@ def errors(rows: Sequence[Row]) -> np.ndarray:
 
 
 def covered(row: Row) -> bool:
-    """Return whether the 95 % interval holds the truth."""
     low, high = row["winding_95_degC"]
     return low <= row["truth"] <= high
 
 
 def table(rows: Sequence[Row], seed: int) -> str:
-    """Return the table in Markdown."""
     answered = [row for row in rows if "winding_degC" in row]
     lines = [
         "# Shut-downs of simulated machines",
@@ -233,7 +228,6 @@ def table(rows: Sequence[Row], seed: int) -> str:
 
 
 def _sooner(refused: Sequence[Row]) -> str:
-    """Return whether a first reading at the time that was asked for would have done, in words."""
     found = [v for row in refused if (v := row.get("sooner_extrapolation_95_K")) is not None]
     if not found:
         return ""
@@ -288,7 +282,6 @@ def _by_hand(rows: Sequence[Row]) -> list[str]:
 
 
 def _gates(rows: Sequence[Row]) -> list[str]:
-    """Return the rows of the gates: bridges, first reading after 30 and 90 s."""
     if not rows:
         return []
     lines = [held("95 % intervals hold, 30 and 90 s", list(map(covered, rows)))]

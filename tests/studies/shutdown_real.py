@@ -64,7 +64,6 @@ def main() -> None:
 
 
 def calibrated(record: pd.DataFrame, folder: Path) -> Path:
-    """Return the run of the heating part."""
     motor, test = folder / "motor.toml", folder / "heating.csv"
     motor.write_text(MOTOR + SAID, encoding="utf-8")
     pd.DataFrame(columns_of(record[record.time_s < DROP_S - 10.0])).to_csv(test, index=False)
@@ -73,7 +72,6 @@ def calibrated(record: pd.DataFrame, folder: Path) -> Path:
 
 
 def answer(record: pd.DataFrame, delay_s: float, folder: Path, run: Path | None) -> dict[str, Any]:
-    """Return what the command wrote, and what the sensor had shown before the drop [degC]."""
     before = record[(record.time_s > DROP_S - 20.0) & (record.time_s < DROP_S)]
     since = record.time_s - DROP_S
     part = record[(since >= delay_s) & (since <= delay_s + READ_S)]
@@ -99,7 +97,6 @@ def answer(record: pd.DataFrame, delay_s: float, folder: Path, run: Path | None)
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Return the table in Markdown."""
     lines = [
         "# A real load drop with its first readings hidden",
         "",

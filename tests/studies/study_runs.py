@@ -140,7 +140,6 @@ def rows_done(path: Path, seed: int) -> list[Row]:
 
 
 def said_of(row: Row) -> str:
-    """Return what is printed of a finished case."""
     names = [finding[0] for finding in row.get("findings", [])]
     words = " ".join(str(row[key]) for key in ("kind", "variant", "seed") if key in row)
     return f"{words}: {names} {row.get('processor_s', 0.0):.0f} s {row.get('failure', '')}"
