@@ -122,11 +122,6 @@ def run_observer(program, start, sd, rows):
 def hidden_machine(seed, num=3600, eA=0.0):
     """A two-node machine with heat that the network misses, by Euler steps of 0.1 s.
 
-    Args:
-        seed: Of its noise.
-        num: Of seconds.
-        eA: Emissivity times surface of the stator [m2].
-
     Returns:
         Temperatures (step, node), rows of current, losses, sink and reading (step, 4).
     """

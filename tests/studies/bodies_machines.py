@@ -82,13 +82,7 @@ class Courses:
 
 
 def simulate(machine: Machine, duty: Duty, sink: Sink) -> Courses:
-    """Integrate a machine from equilibrium with its sink, exactly from step to step of the load.
-
-    Args:
-        machine: The machine.
-        duty: Its loads.
-        sink: Temperature of the sink over time [degC].
-    """
+    """Integrate a machine from equilibrium with its sink, exactly from step to step of the load."""
     nodes = machine.nodes
     capacity = np.array([machine.capacity[node] for node in nodes])
     share = np.array([machine.shares.get(node, 0.0) for node in nodes])

@@ -126,19 +126,7 @@ def run_test(
     stator_above_K: float = 0.0,
     heat: HiddenHeat | None = None,
 ) -> Simulated:
-    """Return one test of a machine.
-
-    Args:
-        machine: Of the simulated bench.
-        kind: Name of its profile.
-        duration_s: Length [s].
-        errors: Constant errors of the bench.
-        noise: Of the winding sensor.
-        rng: Source of chance.
-        period_s: Sampling period of the electrical channels [s].
-        stator_above_K: Stator over winding at the start, which is at ambient temperature [K].
-        heat: Heat that no instrument sees; None for none.
-    """
+    """Return one test of a machine."""
     source = bench()
     cold = float(source.Room().temperature(np.zeros(1))[0])
     of_winding, of_ambient, of_current, of_power, of_heat = rng.spawn(5)
@@ -180,11 +168,7 @@ def run_test(
 
 
 def time_constants(values: Mapping[str, Any]) -> dict[str, np.ndarray]:
-    """Return products and eigenvalues of the network as time constants [s], over draws.
-
-    Args:
-        values: `Ceq_w, Ceq_sr, Req_w, Req_sr`, scalars or of shape (draw,).
-    """
+    """Return products and eigenvalues of the network as time constants [s], over draws."""
     C_w, C_sr, R_w, R_sr = (np.asarray(values[n]) for n in ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr"))
     sum_of_times = C_sr * R_sr + C_w * (R_w + R_sr)
     product = C_w * R_w * C_sr * R_sr

@@ -195,11 +195,7 @@ def _noise_from_prior(rng: np.random.Generator) -> tuple[SensorNoise, HiddenHeat
 
 
 def run(job: Mapping[str, Any]) -> dict[str, Any]:
-    """Run one record and return its row.
-
-    Args:
-        job: `cell`, `seed`, `index`, and whether `emcee` is run as well.
-    """
+    """Run one record and return its row."""
     cell = CELLS[job["cell"]]
     case = make_case(cell, job["seed"], job["index"])
     begin, cpu = time.perf_counter(), time.process_time()

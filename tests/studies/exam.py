@@ -110,11 +110,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def profiles(file: Path) -> dict[int, pd.DataFrame]:
-    """Return the profiles of a file by their id, columns and samples in the order of the file.
-
-    Raises:
-        SystemExit: If it has another layout.
-    """
+    """Return the profiles of a file by their id, columns and samples in the order of the file."""
     present = pd.read_csv(file, nrows=0).columns
     missing = [name for name in ("profile_id", *COLUMNS) if name not in present]
     if missing:
@@ -127,11 +123,7 @@ def profiles(file: Path) -> dict[int, pd.DataFrame]:
 
 
 def training(wanted: str, parts: dict[int, pd.DataFrame], tests: Sequence[int]) -> tuple[int, ...]:
-    """Return the profiles of a training set.
-
-    Raises:
-        SystemExit: If a profile is not in the file, or would be fitted and predicted.
-    """
+    """Return the profiles of a training set."""
     absent = [number for number in tests if number not in parts]
     others = [number for number in parts if number not in tests]
     if wanted == "all":
@@ -151,12 +143,7 @@ def training(wanted: str, parts: dict[int, pd.DataFrame], tests: Sequence[int]) 
 
 
 class Bench:
-    """The profiles as bench files of their own.
-
-    Args:
-        folder: Where they go.
-        parts: By id.
-    """
+    """The profiles as bench files of their own."""
 
     def __init__(self, folder: Path, parts: dict[int, pd.DataFrame]) -> None:
         self.folder, self.parts = folder, parts
@@ -187,15 +174,7 @@ def examined(
     *,
     out: Path | None = None,
 ) -> Outcome:
-    """Return how a network predicts profiles that it was not calibrated on.
-
-    Args:
-        bench: The profiles.
-        train: Ids that are fitted; those that a check refuses are left out, and named.
-        tests: Ids that are predicted.
-        network: Name of a shipped network, or its file.
-        out: Where the run goes; None for one that does not stay.
-    """
+    """Return how a network predicts profiles that it was not calibrated on."""
     began, processor = time.monotonic(), time.process_time()
     refusals = {number: bench.refusal(number) for number in train}
     left_out = {number: why for number, why in refusals.items() if why}
@@ -230,13 +209,7 @@ def _score(run: heatrun.Run, bench: Bench, number: int) -> Score:
 
 
 def reading(found: Prediction, course: pd.DataFrame, time_s: np.ndarray) -> np.ndarray:
-    """Return what the network says that the winding's sensor reads at each sample [degC].
-
-    Args:
-        found: The prediction, by blocks of 20 s.
-        course: The node's temperature by steps of 2 s, as `virtual_record`.
-        time_s: Times of the samples [s].
-    """
+    """Return what the network says that the winding's sensor reads at each sample [degC]."""
     node = found.model.form.measured_node
     of_sensor = np.interp(time_s, found.time_s, found.median - found.nodes[node])
     return np.interp(time_s, course["time_s"], course[f"{node}_degC"]) + of_sensor

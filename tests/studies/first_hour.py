@@ -193,11 +193,7 @@ MOST_COMMANDS, MOST_LINES = 3, 5
 
 
 def edited(draft: str, missing: Sequence[Mapping[str, Any]], handed: Handed) -> tuple[str, list]:
-    """Return a drafted motor file as a person completes it, and the lines that were typed.
-
-    Raises:
-        ValueError: If it asks for what the person does not know.
-    """
+    """Return a drafted motor file as a person completes it, and the lines that were typed."""
     lines, typed = draft.splitlines(), []
 
     def put(key: str, text: str, section: str) -> None:

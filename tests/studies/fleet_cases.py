@@ -73,14 +73,7 @@ class Fleet:
 
 
 def draw_fleet(seed: int, num: int, *, outliers: float = OUTLIERS, short: float = 0.5) -> Fleet:
-    """Return a fleet of a type that is drawn too.
-
-    Args:
-        seed: Random seed.
-        num: Number of machines.
-        outliers: Share of machines that are something else [1].
-        short: Share of machines with a short test [1].
-    """
+    """Return a fleet of a type that is drawn too."""
     rng = np.random.default_rng([seed, 1])
     mean = np.log(CENTRE) + 0.2 * rng.standard_normal(4)
     sd = SPREADS * 1.5 ** rng.uniform(-1.0, 1.0, 4)
@@ -131,11 +124,6 @@ def write_bench(
 
 def readings(values: np.ndarray, minutes: float, rng: np.random.Generator) -> dict[str, Any]:
     """Return what the bench writes of machines: a short test under one load, a long one under many.
-
-    Args:
-        values: Parameters of the machines, shape (machine, parameter).
-        minutes: Length of the test [min].
-        rng: Random numbers.
 
     Returns:
         Readings by column, shape (machine, sample) each.
@@ -218,14 +206,7 @@ def _noise(num: int, steps: int, rng: np.random.Generator) -> np.ndarray:
 def slowly(
     num: int, steps: int, time_s: np.ndarray | float, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return Gauss-Markov processes of unit variance a second apart, shape (process, second).
-
-    Args:
-        num: Number of processes.
-        steps: Seconds.
-        time_s: Correlation times [s], one for all or of shape (process,).
-        rng: Random numbers.
-    """
+    """Return Gauss-Markov processes of unit variance a second apart, shape (process, second)."""
     kept = np.exp(-1.0 / np.broadcast_to(time_s, num))
     slow = np.empty((num, steps))
     slow[:, 0] = rng.standard_normal(num)

@@ -66,14 +66,7 @@ class NoisyFleet:
 def draw_noisy_fleet(
     seed: int, num: int, *, has_effect: bool, heat: float = HEATS[0]
 ) -> NoisyFleet:
-    """Return a fleet of a type that is drawn too.
-
-    Args:
-        seed: Random seed.
-        num: Number of machines.
-        has_effect: Whether the type has the effect.
-        heat: About which that of the type is drawn, over the mean loss [1].
-    """
+    """Return a fleet of a type that is drawn too."""
     rng = np.random.default_rng([seed, 3])
     mean = np.log(NOISE_CENTRE * [1.0, 1.0, 1.0, heat]) + NOISE_SPREAD * rng.standard_normal(4)
     sd = NOISE_SPREAD * 1.5 ** rng.uniform(-1.0, 1.0, 4)

@@ -353,13 +353,7 @@ def lagged(degC: np.ndarray, lag_s: float, step_s: float) -> np.ndarray:
 
 
 def without(machine: Machine, cause: str, rise_K: float) -> Physics:
-    """Return the figures of a machine without an imperfection, else as alike as can be.
-
-    Args:
-        machine: It.
-        cause: The imperfection.
-        rise_K: Rise of the stator at which it loses as much as before [K].
-    """
+    """Return the figures of a machine without an imperfection, else as alike as can be."""
     p = machine.physics
     path = p["G_sb"] * p["G_ba"] / max(p["G_sb"] + p["G_ba"], 1e-9)
     gone = dict.fromkeys(FREE[cause], 0.0)

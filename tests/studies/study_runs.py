@@ -25,14 +25,7 @@ Row = dict[str, Any]
 
 
 def options_of(doc: str | None, out: str, seed: int, **counts: int) -> argparse.ArgumentParser:
-    """Return the options that studies share.
-
-    Args:
-        doc: What the study says of itself.
-        out: Folder below `results`.
-        seed: The first of the reporting seeds.
-        **counts: Further numbers by their option.
-    """
+    """Return the options that studies share."""
     parser = argparse.ArgumentParser(description=doc)
     for name, count in {"seed": seed, **counts, "processes": 1}.items():
         parser.add_argument(f"--{name}", type=int, default=count)
