@@ -32,13 +32,8 @@ MISSED = Missed(
     heat=0.01, heat_s=1200.0, slow_K=0.2, slow_s=60.0, white_K=0.03, sensor_K=0.0, sink_K=0.0,
     share=0.0, resolution_K=0.0,
 )  # fmt: skip
-SAID = {
-    "run": "run",
-    "sha256": "0" * 64,
-    "machine": "bench",
-    "network": "second order",
-    "corrections": "by nothing",
-}
+SAID = {"run": "run", "sha256": "0" * 64, "machine": "bench", "network": "second order",
+        "corrections": "by nothing"}  # fmt: skip
 VALUES = {
     "Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625, "Rs0": 0.0062,
     "Ceq": 12500.0, "Req": 0.132, "Tw_start": 60.4, "Tsr_start": 55.8,
