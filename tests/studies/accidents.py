@@ -423,20 +423,12 @@ def table(rows: Sequence[Row], seed: int) -> str:
         "| accident | records | caught | named rightly | with a finding beside |",
         "|---|---:|---:|---:|---:|",
     ]
-    for name in ACCIDENTS:
-        of_kind = [row for row in rows if row["accident"] == name]
-        counts = (
-            sum(is_caught(row) for row in of_kind),
-            sum(is_named(row) for row in of_kind),
-            sum(num_beside(row) > 0 for row in of_kind),
-        )
-        lines.append(f"| {name} | {len(of_kind)} | {' | '.join(map(str, counts))} |")
-    all_struck = [row for row in rows if row["accident"]]
-    lines.append(
-        f"| **all** | {len(all_struck)} | {sum(map(is_caught, all_struck))} | "
-        f"{sum(map(is_named, all_struck))} | "
-        f"{sum(num_beside(row) > 0 for row in all_struck)} |"
-    )
+    of_each = {name: [row for row in rows if row["accident"] == name] for name in ACCIDENTS}
+    of_each["**all**"] = [row for row in rows if row["accident"]]
+    for name, struck in of_each.items():
+        beside = sum(num_beside(row) > 0 for row in struck)
+        counts = len(struck), sum(map(is_caught, struck)), sum(map(is_named, struck)), beside
+        lines.append(f"| {name} | {' | '.join(map(str, counts))} |")
     return "\n".join(lines) + "\n"
 
 

@@ -79,6 +79,17 @@ def in_band(
     )
 
 
+def covers(row: dict[str, Any], name: str) -> bool:
+    """Return whether a parameter is in its 95 % interval."""
+    low, high = row["interval_95"][name]
+    return low <= row["truth"][name] <= high
+
+
+def is_far(row: dict[str, Any], name: str) -> bool:
+    """Return whether a parameter is more than 3 of its standard deviations off."""
+    return abs(row["value"][name] - row["truth"][name]) > 3.0 * row["sd"][name]
+
+
 def rms(errors: Any) -> Any:
     return np.sqrt(np.mean(np.square(errors), axis=0))
 
