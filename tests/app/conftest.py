@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -262,6 +263,20 @@ def wire():
     import wire
 
     return wire
+
+
+@pytest.fixture
+def open_tab(wire):
+    """Open pages as a browser has them; they are closed after the test."""
+    with ExitStack() as opened:
+        yield lambda *words, **more: opened.enter_context(closing(wire.Tab(*words, **more)))
+
+
+@pytest.fixture(scope="module")
+def lives(served: Served, wire) -> Iterator[None]:
+    """After all tests of a file a user's page still opens."""
+    yield
+    wire.opens(served.url)
 
 
 @pytest.fixture(scope="session")

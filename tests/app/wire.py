@@ -8,6 +8,7 @@ import re
 import socket
 import struct
 import time
+from contextlib import closing
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -166,6 +167,18 @@ class Tab:
                 raise ConnectionError("closed by the server")
             data += more
         return data
+
+
+def opens(url: str) -> None:
+    with closing(Tab(url)) as tab:
+        assert "duty_30min.csv.gz" in tab.document()
+
+
+def is_forbidden(url: str, token: str, headers: dict[str, str]) -> bool:
+    """Return whether a websocket is refused."""
+    connection, head = upgrade(url, token, headers)
+    connection.close()
+    return " 403 " in head.split("\r\n")[0]
 
 
 def upgrade(url: str, token: str, headers: dict[str, str]) -> tuple[socket.socket, str]:

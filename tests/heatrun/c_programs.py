@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from run_near_truth import TRUTH
 from scipy.signal import lfilter
 
 from heatrun.export import mat_bytes, network_variables
@@ -34,8 +35,7 @@ MISSED = Missed(
 )  # fmt: skip
 SAID = {"run": "run", "sha256": "0" * 64, "machine": "bench", "network": "second order",
         "corrections": "by nothing"}  # fmt: skip
-VALUES = {
-    "Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625, "Rs0": 0.0062,
+VALUES = TRUTH | {
     "Ceq": 12500.0, "Req": 0.132, "Tw_start": 60.4, "Tsr_start": 55.8,
     "speed_cooling.g": 0.9, "speed_cooling.m": 0.73, "radiation.eA": 0.1,
 }  # fmt: skip

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import simulink_models
 from octave import needs_octave, octave
+from run_near_truth import TRUTH
 from simulink_models import Diagram
 
 from heatrun.export import mat_bytes, simulate_variables, thesis_variables
@@ -20,12 +21,9 @@ DATA = Path(__file__).parents[2] / "data" / "synthetic"
 SCRIPT = (files("heatrun.export") / "templates" / "build_models.m").read_text()
 SECOND, FIRST = "Second_Order_Thermal_Motor_Model", "First_Order_Thermal_Motor_Model"
 VALUES = {
-    "second": {
-        "Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625, "Rs0": 0.0062,
-        "Tw_start": 20.4, "Tsr_start": 19.8,
-    },
+    "second": TRUTH | {"Tw_start": 20.4, "Tsr_start": 19.8},
     "first": {"Ceq": 12500.0, "Req": 0.132, "Tw_start": 20.4},
-}  # fmt: skip
+}
 MODEL = {"second": SECOND, "first": FIRST}
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from msgspec import UNSET
-from run_near_truth import run_near_truth, seal
+from run_near_truth import TRUTH, run_near_truth, seal
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
@@ -35,7 +35,7 @@ from lptn import CopperLosses, Drive, Network
 from lptn.effects import EFFECTS
 
 BY_ID = {kind.card.id: kind for kind in EFFECTS}
-TRUE = {"Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625}
+TRUE = {name: value for name, value in TRUTH.items() if name != "Rs0"}
 RS0, B, TREF = 0.0062, 234.5, 25.0
 CURRENT, POWER, SINK, SPEED, LIMIT = 110.0, 620.0, 21.0, 240.0, 155.0
 RATED_SPEED = 600.0
