@@ -4,7 +4,6 @@ Loads are staircases, drive cycles, short tests, heaters. Each case is written a
 motor file, goes through the command, and is read back from its run folder.
 """
 
-import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -30,7 +29,7 @@ from bodies_machines import (
     two_nodes,
     with_housing,
 )
-from study_runs import command
+from study_runs import command, temporary
 
 KINDS: dict[str, tuple[str, ...]] = {
     "second body": ("as declared", "lag 30 s", "offset 2 K", "housing named stator"),
@@ -232,8 +231,7 @@ def write_case(case: Case, folder: Path) -> list[str]:
 
 def run(job: dict[str, Any]) -> dict[str, Any]:
     case = make(job["kind"], job["variant"], job["seed"])
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary() as folder:
         arguments = write_case(case, folder)
         begin = time.process_time()
         code, said = command(arguments)

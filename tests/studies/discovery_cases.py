@@ -5,7 +5,6 @@ Each case is written to disk as a bench would leave it (CSV files and a motor fi
 """
 
 import json
-import tempfile
 import time
 from functools import partial
 from pathlib import Path
@@ -15,7 +14,7 @@ from unittest.mock import patch
 import numpy as np
 import pandas as pd
 from bench_package import hidden_bench, write_motor
-from study_runs import command
+from study_runs import command, temporary
 
 SHOWN = (
     "natural_convection", "speed_cooling", "fan_cooling", "cooling_step", "coolant_sink",
@@ -98,8 +97,7 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
         "losses": case.losses,
         "floor_K": floor(case),
     }
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary() as folder:
         arguments = write_bench(case, folder, job["order"])
         wall, processor = time.perf_counter(), time.process_time()
         with shorter():

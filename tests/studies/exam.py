@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from study_runs import put
 
 import heatrun
 from heatrun.calibration import Refused
@@ -105,8 +106,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             for network in options.networks.split(","):
                 outcomes.append(examined(bench, chosen, tests, network))
                 print("\n".join(rows(outcomes[-1])), flush=True)
-                options.out.mkdir(parents=True, exist_ok=True)
-                (options.out / "exam.md").write_text(table(outcomes), encoding="utf-8")
+                put(options.out / "exam.md", table(outcomes))
 
 
 def profiles(file: Path) -> dict[int, pd.DataFrame]:

@@ -7,7 +7,6 @@ go to a file as they come; a run that was cut short goes on from there.
 
 import json
 import os
-import tempfile
 import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -27,7 +26,7 @@ from fleet_noise_cases import (
     write_noisy_fleet,
 )
 from gate_rows import at_least, at_most, covered, heads, percent_95, rms, times_better
-from study_runs import Row, run_study
+from study_runs import Row, run_study, temporary
 
 import heatrun
 
@@ -51,8 +50,7 @@ def run(job: Row) -> Row:
     fleet = draw_noisy_fleet(
         job["seed"], num + NUM_NEXT, has_effect=job["has_effect"], heat=job["heat"]
     )
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary() as folder:
         path = write_noisy_fleet(
             fleet, folder / "bench", job["seed"], minutes=TEST_MIN, places=range(num)
         )

@@ -13,7 +13,6 @@ import argparse
 import json
 import os
 import sys
-import tempfile
 import time
 from functools import partial
 from importlib.metadata import version
@@ -32,6 +31,7 @@ from fleet_cases import SHORT_MIN, Fleet, draw_fleet, write_fleet
 from jax.scipy.stats import norm
 from numpyro.diagnostics import effective_sample_size, split_gelman_rubin
 from numpyro.infer import MCMC, NUTS
+from study_runs import temporary
 
 import heatrun
 from heatrun.fit.fit import fit
@@ -88,8 +88,7 @@ def main() -> None:
     options = parser.parse_args()
     begin = time.monotonic()
     fleet = draw_fleet(options.seed, options.machines, short=options.short)
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary() as folder:
         path = write_fleet(fleet, folder / "bench", options.seed)
         heatrun.calibrate_fleet(path, out=folder / "fleet", workers=options.workers)
         two = _two_stages(folder / "fleet", options.seed)

@@ -6,7 +6,6 @@ Each case is written as CSV files and a motor file, goes through the command, an
 its run folder.
 """
 
-import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from bench_package import hidden_bench, write_motor
-from study_runs import command
+from study_runs import command, temporary
 
 PARAMETERS = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
 
@@ -102,8 +101,7 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
     case = hidden_bench().make_case(
         hidden, job["seed"], kind=job["tests"], resolution_K=0.1, **KINDS[kind]
     )
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary() as folder:
         arguments = write_bench(case, folder, kind)
         begin = time.process_time()
         code, said = command(arguments)

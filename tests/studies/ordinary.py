@@ -10,7 +10,6 @@ import json
 import os
 import re
 import sys
-import tempfile
 import time
 from collections.abc import Sequence
 from functools import partial
@@ -23,7 +22,7 @@ import numpy as np
 from gate_rows import at_least, at_most
 from ordinary_machines import KINDS, Case, make, resistance, structure_fitted, write_case
 from page_numbers import said_and_simulated
-from study_runs import Row, command, options_of, run_study
+from study_runs import Row, command, options_of, run_study, temporary
 
 REPORTING_SEED = 98_000
 """Tuning used those from 8000 on."""
@@ -134,8 +133,7 @@ def run(job: Row) -> Row:
             for cause, alone in case.alone_K.items()
         },
     }  # fmt: skip
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary() as folder:
         *fitted, held_out = map(str, write_case(case, folder))
         for verb in ("calibrate", "discover")[: 1 + job["seeks"]]:
             begin, out = time.process_time(), folder / verb

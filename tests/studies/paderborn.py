@@ -9,12 +9,12 @@ of the project: without it, nothing is done.
 """
 
 import argparse
-import tempfile
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from study_runs import put, temporary
 
 import heatrun
 from heatrun.runs.verdict import headline
@@ -72,8 +72,7 @@ def main() -> None:
         return
     record = pd.read_csv(options.record)
     runs, larger = {}, {}
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary() as folder:
         for part in PARTS:
             for body, said in BODIES.items():
                 runs[part, body] = calibrated(record, part, said, "second", folder)
@@ -82,8 +81,7 @@ def main() -> None:
             (folder / f"{network}.toml").write_text(text, encoding="utf-8")
             larger[network] = calibrated(record, "whole", "", f"{folder / network}.toml", folder)
             print(f"whole, {network}: {', '.join(warnings(larger[network]))}", flush=True)
-    options.out.mkdir(parents=True, exist_ok=True)
-    (options.out / "paderborn.md").write_text(table(runs, larger), encoding="utf-8")
+    put(options.out / "paderborn.md", table(runs, larger))
 
 
 def calibrated(

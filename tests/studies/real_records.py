@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 from exam import first_sentence
 from paderborn import MOTOR, columns_of
+from study_runs import put
 
 import heatrun
 from heatrun.calibration import Refused
@@ -143,8 +144,7 @@ def main() -> None:
             rows.append(calibrated(job, Path(name)))
             print(line(rows[-1]), flush=True)
             # what is done stays, where the study is stopped
-            options.out.mkdir(parents=True, exist_ok=True)
-            (options.out / "table.md").write_text(table(rows), encoding="utf-8")
+            put(options.out / "table.md", table(rows))
     if not rows:
         print(f"{options.bench} holds no real records: nothing is done.")
 

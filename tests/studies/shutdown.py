@@ -7,17 +7,15 @@ earlier report; the report uses those from 60000 on.
 """
 
 import json
-import tempfile
 import time
 from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from gate_rows import at_most, heads, limits_95
 from gate_rows import covered as held
 from shutdown_machines import FIVE_IN_JACKET, OF_TWO, machine, two_nodes
-from study_runs import Row, command, options_of, run_study
+from study_runs import Row, command, options_of, run_study, temporary
 
 REPORTING_SEED = 60_000
 
@@ -134,8 +132,7 @@ def run(job: Row) -> Row:
 
 
 def answer(made: Row) -> tuple[int | None, Row | None]:
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary() as folder:
         (folder / "motor.toml").write_text(made["motor"], encoding="utf-8")
         (folder / "readings.csv").write_text(made["readings"], encoding="utf-8")
         code, _ = command(["shutdown", f"{folder}/motor.toml", f"{folder}/readings.csv", "--out",

@@ -8,13 +8,13 @@ known. The record is not part of the project (`../shared/bench`): without it not
 import contextlib
 import io
 import json
-import tempfile
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 from paderborn import MOTOR, columns_of
 from real_records import paderborn_record
+from study_runs import put, temporary
 
 import heatrun
 from heatrun import cli
@@ -52,14 +52,12 @@ def main() -> None:
     if found is None:
         return
     record, out = found
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary() as folder:
         run = calibrated(record, folder)
         rows = [
             answer(record, delay, folder, of_run) for delay in DELAYS_S for of_run in (None, run)
         ]
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "real.md").write_text(table(rows), encoding="utf-8")
+    put(out / "real.md", table(rows))
     print(table(rows))
 
 
