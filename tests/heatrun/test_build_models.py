@@ -10,6 +10,7 @@ import simulink_models
 from octave import needs_octave, octave
 from run_near_truth import TRUTH
 from simulink_models import Diagram
+from test_export_new import row_means, rows_at_level_load
 
 from heatrun.export import mat_bytes, simulate_variables, thesis_variables
 from heatrun.motor.file import load_motor
@@ -83,19 +84,11 @@ def test_the_diagram_integrates_to_what_simulate_says(order, models, record, mot
     columns = {"Tw_sim": "winding_degC", "Ts_sim": "stator_degC"}
     if order == "first":
         del columns["Ts_sim"]
-    middle = virtual["time_s"].to_numpy()
-    edges = np.append(middle - 1.0, middle[-1] + 1.0)  # rows of 2 s
-    # A row of the virtual record is the mean of the temperatures at its two ends. Where the load
-    # jumps inside a row that is not the mean over the row, so rows with a jump are left out.
-    is_level = np.abs(np.diff(virtual["phase_current_A"], prepend=0.0)) < 10.0
+    is_level = rows_at_level_load(virtual)
     assert np.mean(is_level) > 0.95
     for variable, column in columns.items():
-        integral = np.concatenate(
-            [[0.0], np.cumsum(0.5 * (found[variable][1:] + found[variable][:-1]) * np.diff(time))]
-        )
-        means = np.diff(np.interp(edges, time, integral)) / 2.0
-        apart = np.abs(means - virtual[column].to_numpy())[is_level]
-        assert np.max(apart) < 0.01, variable
+        means = row_means(time, found[variable], virtual["time_s"])
+        assert np.max(np.abs(means - virtual[column])[is_level]) < 0.01, variable
     if order == "second":
         # 3 Is^2 Rs0 (B + Tw)/(B + Trif), the thesis' section 4.3
         loss = 3 * 0.0062 * variables["Is"].ravel() ** 2 * (234.5 + found["Tw_sim"]) / 259.5

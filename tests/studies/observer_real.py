@@ -11,8 +11,7 @@ import pandas as pd
 from gate_rows import heads
 from observer import BLANK_S, EVERY_S, SETTLED_S, WRONG_K, alarms_of, compiled, without_reading
 from ordinary import stated_use
-from paderborn import MOTOR, columns_of
-from real_records import paderborn_record
+from paderborn import MOTOR, columns_of, paderborn_record
 from study_runs import Row, command, put, temporary
 
 STEP_S = 2.5

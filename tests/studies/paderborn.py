@@ -20,7 +20,8 @@ import heatrun
 from heatrun.runs.verdict import headline
 
 PARAMETERS = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
-RECORD = Path("..") / "shared" / "bench" / "paderborn_profile24_heatrun_2p5s.csv.gz"
+BENCH = Path("..") / "shared" / "bench"
+PADERBORN = "paderborn_profile24_heatrun_2p5s.csv.gz"
 BODIES = {
     "none": "",
     "yoke": '[sensors]\nyoke_degC = "stator"\n',
@@ -28,25 +29,15 @@ BODIES = {
 }
 """What the motor file says of the bodies; one that is not fitted is held against the stator."""
 
-NETWORKS = {
-    "three": """[network]
-name = "three"
-title = "winding, tooth, yoke"
-nodes = ["winding", "tooth", "yoke"]
-links = [["winding", "tooth"], ["tooth", "yoke"], ["yoke", "ambient"]]
-losses = { copper = "winding", iron = ["tooth", "yoke"] }
-sensors = { winding_degC = "winding", tooth_degC = "tooth", yoke_degC = "yoke" }
-""",
-    "four": """[network]
+FOUR = """[network]
 name = "four"
 title = "winding, tooth, yoke, rotor"
 nodes = ["winding", "tooth", "yoke", "rotor"]
 links = [["winding", "tooth"], ["tooth", "yoke"], ["tooth", "rotor"], ["yoke", "ambient"]]
 losses = { copper = "winding", iron = ["tooth", "yoke", "rotor"] }
 sensors = { winding_degC = "winding", tooth_degC = "tooth", yoke_degC = "yoke" }
-""",
-}
-"""Networks of more nodes; the magnet takes no part in the fit."""
+"""
+"""A network of four nodes, where the magnet takes no part in the fit."""
 
 PARTS = {"whole": (-np.inf, np.inf), "heating": (-np.inf, 4395.0), "cooling": (4390.0, np.inf)}
 """From and until [s]: the load is taken off at 4395 s."""
@@ -63,25 +54,38 @@ reference_temperature_degC = 70.0
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--record", type=Path, default=RECORD)
-    parser.add_argument("--out", type=Path, default=Path("results") / "real")
-    options = parser.parse_args()
-    if not options.record.exists():
-        print(f"{options.record} is not there: nothing is done.")
+    found = paderborn_record(__doc__ or "", "real")
+    if found is None:
         return
-    record = pd.read_csv(options.record)
+    record, out = found
     runs, larger = {}, {}
     with temporary() as folder:
         for part in PARTS:
             for body, said in BODIES.items():
                 runs[part, body] = calibrated(record, part, said, "second", folder)
                 print(f"{part}, {body}: {', '.join(warnings(runs[part, body]))}", flush=True)
-        for network, text in NETWORKS.items():
-            (folder / f"{network}.toml").write_text(text, encoding="utf-8")
-            larger[network] = calibrated(record, "whole", "", f"{folder / network}.toml", folder)
-            print(f"whole, {network}: {', '.join(warnings(larger[network]))}", flush=True)
-    put(options.out / "paderborn.md", table(runs, larger))
+        four = folder / "four.toml"
+        four.write_text(FOUR, encoding="utf-8")
+        for network in ("three", four):
+            run = calibrated(record, "whole", "", str(network), folder)
+            (name,) = run.result.models
+            larger[name] = run
+            print(f"whole, {name}: {', '.join(warnings(run))}", flush=True)
+    put(out / "paderborn.md", table(runs, larger))
+
+
+def paderborn_record(description: str, out: str) -> tuple[pd.DataFrame, Path] | None:
+    """Return the record of profile 24 and the folder of the results, as the options of a study say;
+    None, with a word, where the record is not at hand.
+    """
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("--bench", type=Path, default=BENCH)
+    parser.add_argument("--out", type=Path, default=Path("results") / out)
+    options = parser.parse_args()
+    if not (options.bench / PADERBORN).exists():
+        print(f"{options.bench / PADERBORN} is not there: nothing is done.")
+        return None
+    return pd.read_csv(options.bench / PADERBORN), options.out
 
 
 def calibrated(

@@ -6,7 +6,6 @@ is left out.
 """
 
 import argparse
-import tempfile
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,15 +14,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from exam import first_sentence
-from paderborn import MOTOR, columns_of
-from study_runs import put
+from paderborn import BENCH, MOTOR, PADERBORN, columns_of
+from study_runs import put, temporary
 
 import heatrun
 from heatrun.calibration import Refused
 from heatrun.errors import InputError
 
-BENCH = Path("..") / "shared" / "bench"
-PADERBORN = "paderborn_profile24_heatrun_2p5s.csv.gz"
 NETWORKS = ("second", "cooled", "three", "four", "turning")
 TURNING = """[network]
 name = "turning"
@@ -119,29 +116,15 @@ class Row:
     seconds: float  # Wall-clock time [s].
 
 
-def paderborn_record(description: str, out: str) -> tuple[pd.DataFrame, Path] | None:
-    """Return the record of profile 24 and the folder of the results, as the options of a study say;
-    None, with a word, where the record is not at hand.
-    """
-    parser = argparse.ArgumentParser(description=description)
-    parser.add_argument("--bench", type=Path, default=BENCH)
-    parser.add_argument("--out", type=Path, default=Path("results") / out)
-    options = parser.parse_args()
-    if not (options.bench / PADERBORN).exists():
-        print(f"{options.bench / PADERBORN} is not there: nothing is done.")
-        return None
-    return pd.read_csv(options.bench / PADERBORN), options.out
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bench", type=Path, default=BENCH)
     parser.add_argument("--out", type=Path, default=Path("results") / "real")
     options = parser.parse_args()
     rows = []
-    with tempfile.TemporaryDirectory() as name:
+    with temporary() as folder:
         for job in (*small_motor(options.bench / "tass"), *paderborn(options.bench / PADERBORN)):
-            rows.append(calibrated(job, Path(name)))
+            rows.append(calibrated(job, folder))
             print(line(rows[-1]), flush=True)
             # what is done stays, where the study is stopped
             put(options.out / "table.md", table(rows))

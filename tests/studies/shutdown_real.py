@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from paderborn import MOTOR, columns_of
-from real_records import paderborn_record
+from paderborn import MOTOR, columns_of, paderborn_record
 from study_runs import put, temporary
 
 import heatrun
