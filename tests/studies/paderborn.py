@@ -29,15 +29,25 @@ BODIES = {
 }
 """What the motor file says of the bodies; one that is not fitted is held against the stator."""
 
-FOUR = """[network]
+NETWORKS = {
+    "three": """[network]
+name = "three"
+title = "winding, tooth, yoke"
+nodes = ["winding", "tooth", "yoke"]
+links = [["winding", "tooth"], ["tooth", "yoke"], ["yoke", "ambient"]]
+losses = { copper = "winding", iron = ["tooth", "yoke"] }
+sensors = { winding_degC = "winding", tooth_degC = "tooth", yoke_degC = "yoke" }
+""",
+    "four": """[network]
 name = "four"
 title = "winding, tooth, yoke, rotor"
 nodes = ["winding", "tooth", "yoke", "rotor"]
 links = [["winding", "tooth"], ["tooth", "yoke"], ["tooth", "rotor"], ["yoke", "ambient"]]
 losses = { copper = "winding", iron = ["tooth", "yoke", "rotor"] }
 sensors = { winding_degC = "winding", tooth_degC = "tooth", yoke_degC = "yoke" }
-"""
-"""A network of four nodes, where the magnet takes no part in the fit."""
+""",
+}
+"""Networks of more nodes; the magnet takes no part in the fit."""
 
 PARTS = {"whole": (-np.inf, np.inf), "heating": (-np.inf, 4395.0), "cooling": (4390.0, np.inf)}
 """From and until [s]: the load is taken off at 4395 s."""
@@ -64,13 +74,10 @@ def main() -> None:
             for body, said in BODIES.items():
                 runs[part, body] = calibrated(record, part, said, "second", folder)
                 print(f"{part}, {body}: {', '.join(warnings(runs[part, body]))}", flush=True)
-        four = folder / "four.toml"
-        four.write_text(FOUR, encoding="utf-8")
-        for network in ("three", four):
-            run = calibrated(record, "whole", "", str(network), folder)
-            (name,) = run.result.models
-            larger[name] = run
-            print(f"whole, {name}: {', '.join(warnings(run))}", flush=True)
+        for network, text in NETWORKS.items():
+            (folder / f"{network}.toml").write_text(text, encoding="utf-8")
+            larger[network] = calibrated(record, "whole", "", f"{folder / network}.toml", folder)
+            print(f"whole, {network}: {', '.join(warnings(larger[network]))}", flush=True)
     put(out / "paderborn.md", table(runs, larger))
 
 
