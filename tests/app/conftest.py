@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -54,13 +55,11 @@ class Warm:
     def start(
         self, words: list[str], log: Path, constants: dict[str, float] | None = None
     ) -> Forked:
-        """Start a command; what it prints goes into a file."""
         log.touch()
         asked = {"words": words, "log": str(log), "constants": constants or {}}
         return Forked(self, self.ask(**asked, environment=dict(os.environ)))
 
     def ask(self, **asked: Any) -> Any:
-        """Return the answer of the process."""
         self._process.stdin.write(json.dumps(asked) + "\n")
         self._process.stdin.flush()
         return json.loads(self._process.stdout.readline())
@@ -145,12 +144,10 @@ class Served:
 
     @property
     def most_MB(self) -> float:
-        """Most resident memory so far [MB]."""
         status = Path(f"/proc/{self.process.pid}/status").read_text()
         return int(re.search(r"VmHWM:\s+(\d+)", status).group(1)) / 1e3
 
     def children(self) -> list[int]:
-        """Return the processes that the server has started."""
         listed = Path(f"/proc/{self.process.pid}/task").glob("*/children")
         return [int(pid) for each in listed for pid in each.read_text().split()]
 
@@ -183,7 +180,6 @@ def _fill(where: Path) -> Path:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A folder with a motor file and two short tests."""
     return _fill(tmp_path / "bench")
 
 
@@ -267,6 +263,20 @@ def wire():
     import wire
 
     return wire
+
+
+@pytest.fixture
+def open_tab(wire):
+    """Open pages as a browser has them; they are closed after the test."""
+    with ExitStack() as opened:
+        yield lambda *words, **more: opened.enter_context(closing(wire.Tab(*words, **more)))
+
+
+@pytest.fixture(scope="module")
+def lives(served: Served, wire) -> Iterator[None]:
+    """After all tests of a file a user's page still opens."""
+    yield
+    wire.opens(served.url)
 
 
 @pytest.fixture(scope="session")

@@ -37,12 +37,10 @@ def test_nothing_is_served_without_the_token(everywhere, wire):
         status, _, body = wire.ask(url, path)
         assert status == 403, path
         assert b"mine.csv" not in body
-    connection, head = wire.upgrade(url, "x", {})
-    connection.close()
-    assert " 403 " in head.split("\r\n")[0]
+    assert wire.is_forbidden(url, "x", {})
 
 
-def test_the_token_is_exchanged_for_a_cookie_of_this_site_alone(everywhere, wire):
+def test_the_token_is_exchanged_for_a_cookie_of_this_site_alone(everywhere, wire, open_tab):
     url, token = _split(everywhere.url)
     status, headers, body = wire.ask(url, f"/?token={token}&test=mine.csv&theme=%22%3E%3Cb%3E")
     assert status == 200
@@ -53,14 +51,11 @@ def test_the_token_is_exchanged_for_a_cookie_of_this_site_alone(everywhere, wire
     assert token.encode() not in body
     assert b'url=/?test=mine.csv&amp;theme=%22%3E%3Cb%3E"' in body
     held = {"Cookie": cookie.split(";")[0]}
-    tab = wire.Tab(url, "?test=mine.csv", **held)
+    tab = open_tab(url, "?test=mine.csv", **held)
     assert "mine.csv" in tab.document()
-    tab.close()
     page = wire.ask(url, "/", held)[2]
     assert cookie.split(";")[0].split("=")[1].encode() not in page
-    connection, head = wire.upgrade(url, wire.token_of(page), {})
-    connection.close()
-    assert " 403 " in head.split("\r\n")[0]
+    assert wire.is_forbidden(url, wire.token_of(page), {})
     wrong = {"Cookie": held["Cookie"][:-2]}
     assert wire.ask(url, "/", wrong)[0] == 403
 
@@ -103,12 +98,11 @@ def _has_v6() -> bool:
 
 
 @pytest.mark.skipif(not _has_v6(), reason="no IPv6 here")
-def test_the_loopback_of_ipv6_is_served_under_its_name(serve, wire):
+def test_the_loopback_of_ipv6_is_served_under_its_name(serve, wire, open_tab):
     server = serve("--address", "::1")
     assert re.fullmatch(r"http://\[::1\]:\d+/", server.url)
-    tab = wire.Tab(server.url)
+    tab = open_tab(server.url)
     assert "duty_30min.csv.gz" in tab.document()
-    tab.close()
     port = urlsplit(server.url).port
     for host in (f"::1:{port}", f"127.0.0.1:{port}", f"[::2]:{port}", f"[::1%lo]:{port}"):
         assert wire.ask(server.url, "/", {"Host": host})[0] in (400, 403), host

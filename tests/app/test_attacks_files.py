@@ -56,9 +56,9 @@ def _linked(folder: Path) -> None:
     (folder / "inner.csv.gz").symlink_to("duty_30min.csv.gz")
 
 
-def test_links_lead_to_nothing_outside_the_folder(serve, wire):
+def test_links_lead_to_nothing_outside_the_folder(serve, open_tab):
     server = serve(fill=_linked)
-    tab = wire.Tab(server.url, "?run=run1&test=inner.csv.gz")
+    tab = open_tab(server.url, "?run=run1&test=inner.csv.gz")
     tab.show()
     shown = tab.document()
     assert "run1" in shown
@@ -75,18 +75,16 @@ def test_links_lead_to_nothing_outside_the_folder(serve, wire):
     ):
         assert name not in shown.replace(str(server.folder), ""), name
     asked = "?test=linked_test.csv&test=linked_folder/secret.csv&motor=linked_motor.toml"
-    other = wire.Tab(server.url, f"{asked}&run=linked_run&test=circle.csv")
+    other = open_tab(server.url, f"{asked}&run=linked_run&test=circle.csv")
     other.show()
     assert "secret of the system" not in other.document()
-    for each in (tab, other):
-        each.close()
 
 
-def test_a_download_is_judged_when_it_is_asked_for(serve, wire):
+def test_a_download_is_judged_when_it_is_asked_for(serve, open_tab):
     """The file of a button becomes a link after the list was made."""
     server = serve(fill=lambda folder: _run(folder / "run1", sheet_json=b'{"mine": 1}'))
     (server.folder.parent / "secret").write_text(SECRET)
-    tab = wire.Tab(server.url, "?run=run1")
+    tab = open_tab(server.url, "?run=run1")
     tab.show("Calibration")
     buttons = {model["attributes"].get("label"): model["id"]
                for model in tab.models("panel.models.widgets.FileDownload")
@@ -105,7 +103,6 @@ def test_a_download_is_judged_when_it_is_asked_for(serve, wire):
     (server.folder / "another").touch()
     assert base64.b64encode(SECRET.encode()).decode()[:20] not in download()
     assert "sheet.json" in tab.document()
-    tab.close()
 
 
 @pytest.mark.parametrize("what", ["file", "folder"])
@@ -189,26 +186,24 @@ def _hostile(folder: Path) -> None:
     _run(folder / "odd_run")
 
 
-def test_hostile_files_are_errors_of_their_own(serve, wire):
+def test_hostile_files_are_errors_of_their_own(serve, open_tab):
     server = serve(fill=_hostile)
     before = server.most_MB
-    tab = wire.Tab(server.url, "?test=duty_30min.csv.gz&motor=motor.toml&run=odd_run")
+    tab = open_tab(server.url, "?test=duty_30min.csv.gz&motor=motor.toml&run=odd_run")
     tab.show()
     shown = tab.document()
     assert "motor.toml" in shown
     assert "step_30min.csv.gz" in shown
     assert "pipe." not in shown
     for name in ("deep.toml", "no_text.toml"):
-        bad = wire.Tab(server.url, f"?test=duty_30min.csv.gz&motor={name}")
+        bad = open_tab(server.url, f"?test=duty_30min.csv.gz&motor={name}")
         bad.show("Checks")
         until(lambda bad=bad: "The motor file is at fault" in bad.document())
-        bad.close()
     until(lambda: "winding_degC" in tab.document())
     assert server.most_MB - before < 500.0
-    tab.close()
 
 
-def test_a_file_that_is_read_for_long_keeps_no_other_page_waiting(serve, wire, monkeypatch):
+def test_a_file_that_is_read_for_long_keeps_no_other_page_waiting(serve, open_tab, monkeypatch):
     """A header of parentheses occupies its reader; the page of another tab opens and reads on."""
 
     def fill(folder: Path) -> None:
@@ -216,10 +211,8 @@ def test_a_file_that_is_read_for_long_keeps_no_other_page_waiting(serve, wire, m
         (folder / "slow.csv").write_text(f"time_s,{name}\n" + "0,1\n1,2\n" * 50)
 
     server = serve(fill=fill)
-    slow = wire.Tab(server.url, "?test=slow.csv&motor=motor.toml")
-    other = wire.Tab(server.url, "?test=step_30min.csv.gz&motor=motor.toml")
+    slow = open_tab(server.url, "?test=slow.csv&motor=motor.toml")
+    other = open_tab(server.url, "?test=step_30min.csv.gz&motor=motor.toml")
     other.show("Checks")
     until(lambda: "How the files were read" in other.document())
     assert "slow.csv" in slow.document()
-    for tab in (slow, other):
-        tab.close()

@@ -7,13 +7,13 @@ import os
 import shutil
 import signal
 import socket
-from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
 from wire import until
 
+pytestmark = pytest.mark.usefixtures("lives")
 BOMB_MB = 300
 CUT_S = 120
 
@@ -25,45 +25,30 @@ def _is_running(pid: int) -> bool:
         return False
 
 
-def _alive(served, wire) -> None:
-    tab = wire.Tab(served.url)
-    assert "duty_30min.csv.gz" in tab.document()
-    tab.close()
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _lives(served, wire) -> Iterator[None]:
-    """After all of them the page is still there."""
-    yield
-    _alive(served, wire)
-
-
-def test_a_packed_message_is_measured_before_it_is_unpacked(served, wire):
+def test_a_packed_message_is_measured_before_it_is_unpacked(served, open_tab):
     packed = base64.b64encode(gzip.compress(bytes(BOMB_MB * 10**6))).decode()
     part = {"type": "bytes", "data": packed}
     before = served.most_MB
     for data in (part, [part] * 3, {"type": "map", "entries": [["a", part]]}):
-        tab = wire.Tab(served.url)
+        tab = open_tab(served.url)
         event = {"kind": "MessageSent", "msg_type": "x", "msg_data": data}
         tab.send("PATCH-DOC", {"events": [event]})
         assert tab.is_closed()
-        tab.close()
     assert served.most_MB - before < 0.5 * BOMB_MB
 
 
-def test_many_small_packed_parts_are_measured_together(served, wire):
+def test_many_small_packed_parts_are_measured_together(served, open_tab):
     packed = base64.b64encode(gzip.compress(bytes(10**6))).decode()
-    tab = wire.Tab(served.url)
+    tab = open_tab(served.url)
     before = served.most_MB
     data = [{"type": "bytes", "data": packed}] * BOMB_MB
     tab.send("PATCH-DOC", {"events": [{"kind": "MessageSent", "msg_type": "x", "msg_data": data}]})
     assert tab.is_closed()
-    tab.close()
     assert served.most_MB - before < 0.5 * BOMB_MB
 
 
-def test_frames_are_not_packed_and_messages_end_at_a_size(served, wire):
-    tab = wire.Tab(served.url)
+def test_frames_are_not_packed_and_messages_end_at_a_size(served, open_tab):
+    tab = open_tab(served.url)
     assert "permessage-deflate" not in tab.handshake
     header = {"msgid": "1", "msgtype": "PATCH-DOC", "num_buffers": 1000}
     before = served.most_MB
@@ -76,13 +61,12 @@ def test_frames_are_not_packed_and_messages_end_at_a_size(served, wire):
         assert tab.is_closed()
     except (BrokenPipeError, ConnectionResetError):
         pass  # it did not even hear us out
-    tab.close()
     assert served.most_MB - before < 150
 
 
-def test_uploads_of_all_pages_share_one_limit(serve, wire):
+def test_uploads_of_all_pages_share_one_limit(serve, open_tab):
     server = serve("--max-upload-MB", "1")
-    first, second = wire.Tab(server.url), wire.Tab(server.url)
+    first, second = open_tab(server.url), open_tab(server.url)
 
     def dropper(tab) -> str:
         (found,) = tab.models("panel.models.file_dropper.FileDropper")
@@ -93,14 +77,12 @@ def test_uploads_of_all_pages_share_one_limit(serve, wire):
     second.upload(dropper(second), "b.csv", b"time_s,winding_degC\n" + b"0,20\n" * 120_000)
     until(lambda: "exceed 1 MB" in second.document())
     # a file that was begun takes room too, and gives it back when its page goes
-    third = wire.Tab(server.url)
+    third = open_tab(server.url)
     assert "uploaded/a.csv" in third.document()
     assert "uploaded/b.csv" not in third.document()
     third.upload(dropper(third), "c.csv", b"t\n" * 150_000, 1, 2)
     second.upload(dropper(second), "d.csv", b"time_s,winding_degC\n" + b"0,20\n" * 30_000)
     until(lambda: "exceed 1 MB" in second.document())
-    for tab in (first, second, third):
-        tab.close()
 
 
 def test_connections_that_say_nothing_are_cut(serve):
@@ -122,18 +104,18 @@ def test_connections_that_say_nothing_are_cut(serve):
         each.close()
 
 
-def test_a_flood_of_connections_leaves_the_page_alive(served, wire):
-    tab = wire.Tab(served.url)
+def test_a_flood_of_connections_leaves_the_page_alive(served, wire, open_tab):
+    tab = open_tab(served.url)
     parts = urlsplit(served.url)
     address = (parts.hostname, parts.port)
     flood = [socket.create_connection(address, timeout=CUT_S) for _ in range(400)]
     try:
-        _alive(served, wire)
+        wire.opens(served.url)
         assert "duty_30min.csv.gz" in tab.document()
         open_files = len(list(Path(f"/proc/{served.process.pid}/fd").iterdir()))
         assert open_files < 300
     finally:
-        for each in (*flood, tab):
+        for each in flood:
             each.close()
 
 
@@ -142,17 +124,15 @@ FEW_PAGES = 4
 
 
 @pytest.mark.slow
-def test_a_flood_of_pages_ends_at_a_number(serve, wire):
+def test_a_flood_of_pages_ends_at_a_number(serve, wire, open_tab):
     server = serve(constants={"heatrun_view.handlers:PageHandler.MAX_SESSIONS": FEW_PAGES})
-    tabs = [wire.Tab(server.url) for _ in range(2)]
+    tabs = [open_tab(server.url) for _ in range(2)]
     answers = []
     for _ in range(5):
         answers += [wire.ask(server.url)[0] for _ in range(6)]
         assert "duty_30min.csv.gz" in tabs[0].document()  # a user's page goes on all the while
     assert answers[0] == 200
     assert set(answers) == {200, 503}
-    for tab in tabs:
-        tab.close()
 
 
 @pytest.mark.parametrize(
@@ -164,7 +144,7 @@ def test_a_flood_of_pages_ends_at_a_number(serve, wire):
         pytest.param(signal.SIGKILL, marks=pytest.mark.slow),
     ],
 )
-def test_nothing_is_left_when_the_server_ends(serve, wire, tmp_path, monkeypatch, number):
+def test_nothing_is_left_when_the_server_ends(serve, open_tab, tmp_path, monkeypatch, number):
     temporary = tmp_path / "temporary"
     temporary.mkdir()
     monkeypatch.setenv("TMPDIR", str(temporary))
@@ -174,7 +154,7 @@ def test_nothing_is_left_when_the_server_ends(serve, wire, tmp_path, monkeypatch
         server = serve(is_cold=True)
     finally:
         signal.signal(signal.SIGHUP, before)
-    tab = wire.Tab(server.url, "?test=duty_30min.csv.gz&motor=motor.toml")
+    tab = open_tab(server.url, "?test=duty_30min.csv.gz&motor=motor.toml")
     assert [each for each in temporary.iterdir() if each.name.startswith("heatrun-uploads-")]
     tab.show("Calibration")
     (button,) = [
@@ -189,7 +169,6 @@ def test_nothing_is_left_when_the_server_ends(serve, wire, tmp_path, monkeypatch
     jobs = server.children()
     server.process.send_signal(number)
     server.process.wait(CUT_S)
-    tab.close()
     until(lambda: not any(map(_is_running, jobs)), CUT_S)
     if number != signal.SIGKILL:
         assert server.process.returncode == 0
@@ -207,4 +186,4 @@ def test_a_server_under_nohup_outlives_its_terminal(serve, wire):
     finally:
         signal.signal(signal.SIGHUP, before)
     os.kill(server.process.pid, signal.SIGHUP)
-    _alive(server, wire)
+    wire.opens(server.url)

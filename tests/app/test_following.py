@@ -144,8 +144,6 @@ def test_what_was_handed_out_stays_as_it_was(path):
 
 
 class Counted(io.BytesIO):
-    """A file that counts what is read of it."""
-
     num_read = 0
 
     def read(self, size: int | None = -1, /) -> bytes:

@@ -119,7 +119,10 @@ def test_two_running_tests_are_followed_until_the_button_is_pressed(served, tab)
         follows = tab.get_by_role("button", name="Follow changes")
         sees(follows).to_have_class(re.compile("bk-active"))
         follows.click()
-        tab.get_by_text("the file has changed or is gone").first.wait_for()
+        gone = tab.get_by_text("the file has changed or is gone").first
+        gone.wait_for()
+        follows.click()
+        gone.wait_for(state="hidden")
     finally:
         for writer in writers:
             writer.kill()

@@ -216,15 +216,6 @@ def test_two_tabs_calibrate_in_turn_and_one_is_cancelled(served, tab):
     assert not (served.out / "step_30min_calibrate").exists()
 
 
-def test_a_file_replaced_while_it_is_shown_is_said(served, tab, bench_data):
-    shutil.copy(bench_data / "duty_30min.csv.gz", served.folder / "replaced.csv.gz")
-    _open(tab, served, "replaced.csv.gz")
-    shutil.copy(bench_data / "step_30min.csv.gz", served.folder / "replaced.csv.gz")
-    _text(tab, "the file has changed or is gone")
-    tab.get_by_role("button", name="Follow changes").click()
-    tab.get_by_text("the file has changed or is gone").first.wait_for(state="hidden")
-
-
 def test_names_are_text_seen_to_their_end_and_of_no_file_outside(served, tab, bench_data):
     """Names of one day differ at their end; the column on the left is 300 px wide."""
     long = "Dauerlauf_Pruefstand_3_2024_03_05_with_hub_motor_001.csv.gz"

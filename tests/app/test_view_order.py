@@ -29,40 +29,35 @@ def _parts(each: Any) -> Iterator[dict[str, Any]]:
 
 
 def _models(content: Any) -> dict[str, Any]:
-    """Return the models that a message brings, by id."""
     return {each["id"]: each for each in _parts(content) if each.get("type") == "object"}
 
 
-def test_growth_never_overtakes_the_plots_that_it_belongs_to(served, wire):
+def test_growth_never_overtakes_the_plots_that_it_belongs_to(served, open_tab):
     path = served.folder / "grows.csv"
     path.write_text(HEAD)
     _append(path, 0, 5)
-    tab = wire.Tab(served.url, "?type=general&follow=1")
-    try:
-        known = _models(json.loads(tab.document()))
-        (tests, *_) = (
-            number
-            for number, model in sorted(known.items(), key=lambda item: int(item[0][1:]))
-            if model["name"] == "CheckboxGroup"
-            and "grows.csv" in model["attributes"].get("labels", ())
-        )
-        labels = known[tests]["attributes"]["labels"]
-        tab.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
-        tab.change(tests, "active", [labels.index("grows.csv")])
-        for _ in range(NUM_PULLS):
-            tab.send("PULL-DOC-REQ", {})
-        end, rows = time.monotonic() + LOOKS_S, 5
-        while time.monotonic() < end:
-            time.sleep(0.2)
-            _append(path, rows, rows + 1)
-            rows += 1
-        is_whole = False
-        while not is_whole:
-            message = tab.message()
-            for event in message["content"].get("events", ()):
-                known |= _models(event)
-                if "model" in event:
-                    assert event["model"]["id"] in known, event
-                    is_whole |= event.get("attr") == "end" and event.get("new") == rows - 1
-    finally:
-        tab.close()
+    tab = open_tab(served.url, "?type=general&follow=1")
+    known = _models(json.loads(tab.document()))
+    (tests, *_) = (
+        number
+        for number, model in sorted(known.items(), key=lambda item: int(item[0][1:]))
+        if model["name"] == "CheckboxGroup" and "grows.csv" in model["attributes"].get("labels", ())
+    )
+    labels = known[tests]["attributes"]["labels"]
+    tab.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
+    tab.change(tests, "active", [labels.index("grows.csv")])
+    for _ in range(NUM_PULLS):
+        tab.send("PULL-DOC-REQ", {})
+    end, rows = time.monotonic() + LOOKS_S, 5
+    while time.monotonic() < end:
+        time.sleep(0.2)
+        _append(path, rows, rows + 1)
+        rows += 1
+    is_whole = False
+    while not is_whole:
+        message = tab.message()
+        for event in message["content"].get("events", ()):
+            known |= _models(event)
+            if "model" in event:
+                assert event["model"]["id"] in known, event
+                is_whole |= event.get("attr") == "end" and event.get("new") == rows - 1

@@ -1,6 +1,5 @@
 """A browser behind a slow line is waited for as long as it takes what it is sent; none for ever."""
 
-import contextlib
 import socket
 import time
 
@@ -14,19 +13,13 @@ PAUSE_S = 0.15
 
 
 @pytest.fixture
-def open_tab(serve, wire):
+def looked_after(serve, open_tab):
     """Open a tab of a server that looks after its browsers this often [s]."""
-    with contextlib.ExitStack() as opened:
-
-        def tab(look_s):
-            url = serve(constants={"heatrun_view.handlers:LOOK_S": look_s}).url
-            return opened.enter_context(contextlib.closing(wire.Tab(url)))
-
-        yield tab
+    return lambda look_s: open_tab(serve(constants={"heatrun_view.handlers:LOOK_S": look_s}).url)
 
 
-def test_a_browser_that_reads_slowly_keeps_its_page(open_tab):
-    tab = open_tab(LOOK_S)
+def test_a_browser_that_reads_slowly_keeps_its_page(looked_after):
+    tab = looked_after(LOOK_S)
     tab.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
     for _ in range(NUM_PULLS):
         tab.send("PULL-DOC-REQ", {})
@@ -38,8 +31,8 @@ def test_a_browser_that_reads_slowly_keeps_its_page(open_tab):
     assert "duty_30min.csv.gz" in tab.document()
 
 
-def test_a_browser_that_answers_nothing_is_let_go(open_tab):
-    tab = open_tab(LOOK_S / 10)
+def test_a_browser_that_answers_nothing_is_let_go(looked_after):
+    tab = looked_after(LOOK_S / 10)
     tab.socket.settimeout(60)
     while tab.socket.recv(1 << 16):
         pass

@@ -8,6 +8,7 @@ import re
 import socket
 import struct
 import time
+from contextlib import closing
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -17,7 +18,6 @@ WAIT_S = 120.0
 def ask(
     url: str, path: str = "/", headers: dict[str, str] | None = None, *, method: str = "GET"
 ) -> tuple[int, dict[str, str], bytes]:
-    """Return status, headers in lower case and body of a request."""
     parts = urlsplit(url)
     connection = http.client.HTTPConnection(parts.hostname or "", parts.port, timeout=WAIT_S)
     try:
@@ -73,14 +73,12 @@ class Tab:
         return {"header": header, "content": content}
 
     def document(self) -> str:
-        """Return what the page shows, as JSON."""
         self.send("PULL-DOC-REQ", {})
         while (found := self.message())["header"]["msgtype"] != "PULL-DOC-REPLY":
             pass
         return json.dumps(found["content"])
 
     def models(self, name: str) -> list[dict[str, Any]]:
-        """Return the models of a kind in the page."""
         waiting, found = [json.loads(self.document())], []
         while waiting:
             each = waiting.pop()
@@ -107,7 +105,6 @@ class Tab:
                     pass
 
     def _is_filled(self, place: str) -> bool:
-        """Return whether the next message brings what stands in a place."""
         return any(
             event.get("attr") == "children" and event["model"]["id"] == place
             for event in self.message()["content"].get("events", ())
@@ -125,7 +122,6 @@ class Tab:
         self._tell("upload_event", values)
 
     def tell_built(self) -> None:
-        """Tell that the page has been built, as the browser does."""
         self._tell("document_ready", {"type": "map", "entries": []})
 
     def _tell(self, name: str, values: dict[str, Any]) -> None:
@@ -173,8 +169,19 @@ class Tab:
         return data
 
 
+def opens(url: str) -> None:
+    with closing(Tab(url)) as tab:
+        assert "duty_30min.csv.gz" in tab.document()
+
+
+def is_forbidden(url: str, token: str, headers: dict[str, str]) -> bool:
+    """Return whether a websocket is refused."""
+    connection, head = upgrade(url, token, headers)
+    connection.close()
+    return " 403 " in head.split("\r\n")[0]
+
+
 def upgrade(url: str, token: str, headers: dict[str, str]) -> tuple[socket.socket, str]:
-    """Ask for a websocket; return the connection and the head of the answer."""
     parts = urlsplit(url)
     connection = socket.create_connection((parts.hostname, parts.port), timeout=WAIT_S)
     lines = {

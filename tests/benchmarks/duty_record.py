@@ -12,7 +12,6 @@ SEED = 5
 
 
 def record(num: int, seed: int = SEED) -> dict:
-    """Return `num` samples at 10 Hz: a new load every 4 minutes, noise 0.3 K."""
     rng = np.random.default_rng(seed)
     hold = 2400
     level = np.repeat(rng.uniform(40.0, 125.0, num // hold + 1), hold)[:num]

@@ -56,8 +56,6 @@ ORDER = ("fits of", "heatrun fleet", "heatrun calibrate", "scipy")
 
 @dataclass(frozen=True)
 class Row:
-    """A line of the table: what was done for how many machines, and what it took."""
-
     what: str
     machines: int
     wall_s: float
@@ -68,19 +66,16 @@ class Row:
 
     @property
     def key(self) -> tuple[int, int, str]:
-        """What row of the page it is, in their order."""
         place = next((i for i, what in enumerate(ORDER) if self.what.startswith(what)), len(ORDER))
         return place, self.machines, self.what
 
 
 def profiles():
-    """The two tests of a machine."""
     return generator.duty(DURATION_S), generator.staircase(DURATION_S)
 
 
 @cache
 def simulated(seed: int):
-    """Return the problem of a simulated machine."""
     return machine(generator, seed, profiles(), sample_s=SAMPLE_S)
 
 
@@ -117,7 +112,6 @@ def share_of_fits(num: int, seed: int, first: int, every: int, barrier, answers)
 
 
 def fits_alone(num: int, seed: int, processes: int) -> Row:
-    """Time the fits of reduced tests."""
     processes = min(processes, num)
     context = multiprocessing.get_context("spawn")
     barrier, answers = context.Barrier(processes), context.Queue()

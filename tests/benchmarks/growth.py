@@ -27,14 +27,11 @@ ADDED = ("radiation", "speed_cooling", "standby_loss", "insulation_conductivity"
          "ac_copper_loss", "bearing_friction", "fan_cooling", "coolant_sink")  # fmt: skip
 
 
-def _exponent(sizes: list[int], times: list[float]) -> float:
-    """Return the slope between the two largest sizes, where fixed costs count least."""
-    return float(np.log(times[-1] / times[-2]) / np.log(sizes[-1] / sizes[-2]))
-
-
 def _row(what: str, sizes: list[int], times: list[float], target: float | None = STEEP) -> Row:
     detail = ", ".join(f"{n:g}: {duration(t)}" for n, t in zip(sizes, times, strict=True))
-    return Row(SECTION, f"{what}, exponent", _exponent(sizes, times), "1", target, detail)
+    # the slope between the two largest sizes, where fixed costs count least
+    slope = float(np.log(times[-1] / times[-2]) / np.log(sizes[-1] / sizes[-2]))
+    return Row(SECTION, f"{what}, exponent", slope, "1", target, detail)
 
 
 def with_samples(small: bool) -> list[Row]:
@@ -73,20 +70,16 @@ def with_tests(small: bool) -> list[Row]:
     for num in sizes:
         tests = [dataclasses.replace(single.tests[0], name=f"test {i}") for i in range(num)]
         problem = Problem.of(Model.of("second", motor), motor, tests)
-        z = jnp.asarray(
-            1e-2
-            * np.random.default_rng(3).standard_normal((64, problem.num_parameters + NUM_NOISE))
-        )
+        size = (64, problem.num_parameters + NUM_NOISE)
+        z = jnp.asarray(1e-2 * np.random.default_rng(3).standard_normal(size))
 
         def call(problem=problem, z=z):
             return log_posterior_batch(problem.structure, problem.data, z)
 
         compiling.append(seconds(call))
         times.append(median(call, 3))
-    return [
-        _row("tests, log posterior of 64", sizes, times),
-        _row("tests, compiling", sizes, compiling),
-    ]
+    what = "tests, log posterior of 64"
+    return [_row(what, sizes, times), _row("tests, compiling", sizes, compiling)]
 
 
 def with_nodes_and_effects(made: dict) -> list[Row]:

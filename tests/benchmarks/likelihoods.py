@@ -1,6 +1,8 @@
 """One likelihood: heatrun beside C, numba, scipy, diffrax and casadi."""
 
 import tempfile
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -16,56 +18,30 @@ SECTION = "Likelihood"
 
 def by_hand(made: dict, repeats: int) -> list[Row]:
     """Compare with the same arithmetic written by hand, walkers in the inner loop."""
-    rows = []
-    mine = ours.likelihood(made)
+    rows, mine = [], ours.likelihood(made)
+
+    def ratio(what: str, first: Callable, second: Callable, target: float | None) -> None:
+        rows.append(ratio_row(SECTION, what, first, second, repeats, target))
+
     with tempfile.TemporaryDirectory() as folder:
-        by_name = {
-            "C": rivals.c_likelihood(made, Path(folder)),
-            "numba": rivals.numba_likelihood(made),
-        }
+        in_c = rivals.c_likelihood(made, Path(folder))
         check = around(4)
-        for name, rival in by_name.items():
+        for name, rival in (("C", in_c), ("numba", rivals.numba_likelihood(made))):
             if rival is None:
-                print(f"{name} is not there: skipped")
                 continue
             np.testing.assert_allclose(rival(check), mine(jnp.asarray(check)), rtol=1e-9)
             for walkers, target in ((1, 1.1), (32, 2.0), (64, 1.5), (128, 1.5)):
                 theta = around(walkers)
-                on_device = jnp.asarray(theta)
-                rows.append(
-                    ratio_row(
-                        SECTION,
-                        f"likelihood of {walkers} / {name}",
-                        lambda d=on_device: mine(d),
-                        lambda r=rival, t=theta: r(t),
-                        repeats,
-                        target if name == "C" else None,
-                    )
-                )
-        in_c = by_name["C"]
+                first, second = partial(mine, jnp.asarray(theta)), partial(rival, theta)
+                what = f"likelihood of {walkers} / {name}"
+                ratio(what, first, second, target if rival is in_c else None)
         if in_c is not None:
-            both, one = ours.jacobian(made), jnp.asarray(TRUTH)
-            rows.append(
-                ratio_row(
-                    SECTION,
-                    "residual and Jacobian (4) / one in C",
-                    lambda: both(one),
-                    lambda: in_c(TRUTH[None]),
-                    repeats,
-                    3.0,
-                )
-            )
-    coloured, many = ours.coloured(made), jnp.asarray(around(64))
-    rows.append(
-        ratio_row(
-            SECTION,
-            "OU + white / white likelihood, 64",
-            lambda: coloured(many),
-            lambda: mine(many),
-            repeats,
-            1.2,
-        )
-    )
+            both = partial(ours.jacobian(made), jnp.asarray(TRUTH))
+            what = "residual and Jacobian (4) / one in C"
+            ratio(what, both, partial(in_c, TRUTH[None]), 3.0)
+    many = jnp.asarray(around(64))
+    coloured = partial(ours.coloured(made), many)
+    ratio("OU + white / white likelihood, 64", coloured, partial(mine, many), 1.2)
     return rows
 
 
@@ -86,7 +62,6 @@ def by_solvers(made: dict, repeats: int) -> list[Row]:
     for name, build in solvers.SOLVERS.items():
         reading = build(made)
         if reading is None:
-            print(f"{name} is not there: skipped")
             continue
         error = np.max(np.abs(np.asarray(reading(TRUTH)) - exact))
         taken = median(lambda r=reading: r(TRUTH), max(2, repeats // 5))

@@ -31,15 +31,7 @@ class Measured:
 
 
 def heatrun(words: list[str], cache: Path) -> Measured:
-    """Run a command to its end.
-
-    Args:
-        words: After `heatrun`.
-        cache: Where compilations are kept; empty for a cold start.
-
-    Raises:
-        RuntimeError: If it fails.
-    """
+    """Run a command to its end."""
     done = subprocess.run(
         [sys.executable, "-c", MEASURE, sys.executable, "-m", "heatrun.cli", *words],
         check=True, capture_output=True, text=True, cwd=ROOT, env=environment(cache),

@@ -24,12 +24,8 @@ def build(theta):
 
 def inputs_of(record: dict[str, np.ndarray]) -> lptn.Inputs:
     """Return the record as inputs, one interval a sample."""
-    return lptn.Inputs(
-        step=jnp.asarray(record["step"]),
-        current_squared=jnp.asarray(record["current_squared"]),
-        losses=jnp.asarray(record["losses"]),
-        ambient=jnp.asarray(record["ambient"]),
-    )
+    names = ("step", "current_squared", "losses", "ambient")
+    return lptn.Inputs(**{name: jnp.asarray(record[name]) for name in names})
 
 
 def likelihood(record):

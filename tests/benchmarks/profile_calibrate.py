@@ -130,12 +130,7 @@ class Profile:
 
 
 def run(words: Sequence[str], told: Path) -> int:
-    """Run the command in this process and write its profile.
-
-    Args:
-        words: After `heatrun`.
-        told: JSON file that the profile goes to.
-    """
+    """Run the command in this process and write its profile."""
     profile = Profile()
     with profile.phase(IMPORTS):
         from heatrun.io.caches import use_caches

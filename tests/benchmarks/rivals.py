@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from rows import needs
 
 Likelihood = Callable[[np.ndarray], np.ndarray]
 
@@ -15,6 +16,7 @@ def c_likelihood(record: dict[str, np.ndarray], folder: Path) -> Likelihood | No
     """Return the sum of squares in C over rows of parameters, or None without a compiler."""
     compiler = shutil.which("cc")
     if compiler is None:
+        print("a C compiler is not there: skipped")
         return None
     library = folder / "rival.so"
     source = Path(__file__).with_name("rival.c")
@@ -37,12 +39,10 @@ def c_likelihood(record: dict[str, np.ndarray], folder: Path) -> Likelihood | No
     return likelihood
 
 
+@needs("numba")
 def numba_reading(record: dict[str, np.ndarray]) -> Callable | None:
-    """Return the reading at the samples by numba, or None where it is not installed."""
-    try:
-        from numba import njit
-    except ImportError:
-        return None
+    """Return the reading at the samples by numba."""
+    from numba import njit
 
     @njit(cache=False)
     def run(I2, P, T0, h, p):
@@ -68,12 +68,10 @@ def numba_reading(record: dict[str, np.ndarray]) -> Callable | None:
                          record["step"], np.asarray(p))  # fmt: skip
 
 
+@needs("numba")
 def numba_likelihood(record: dict[str, np.ndarray]) -> Likelihood | None:
-    """As `c_likelihood`, compiled by numba; None where numba is not installed."""
-    try:
-        from numba import njit
-    except ImportError:
-        return None
+    """As `c_likelihood`, compiled by numba."""
+    from numba import njit
 
     @njit(fastmath=False, cache=False)
     def run(I2, P, T0, y, h, theta):

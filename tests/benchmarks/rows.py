@@ -3,6 +3,8 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import wraps
+from importlib.util import find_spec
 
 import jax
 import numpy as np
@@ -22,6 +24,22 @@ class Row:
     @property
     def missed(self) -> bool:
         return self.target is not None and self.value > self.target
+
+
+def needs(package: str) -> Callable[[Callable], Callable]:
+    """Let a function return None, and say so, where a package is not installed."""
+
+    def of(function: Callable) -> Callable:
+        @wraps(function)
+        def called(*given):
+            if find_spec(package) is not None:
+                return function(*given)
+            print(f"{package} is not there: skipped")
+            return None
+
+        return called
+
+    return of
 
 
 def seconds(call: Callable) -> float:

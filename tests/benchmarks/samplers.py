@@ -12,7 +12,7 @@ import numpy as np
 import ours
 import rivals
 from duty_record import around
-from rows import Row, duration, seconds
+from rows import Row, duration, needs, seconds
 
 from heatrun.fit.fit import fit
 from heatrun.fit.fit_result import Fit
@@ -107,16 +107,13 @@ def effective_draws(made: dict, small: bool) -> list[Row]:
     for name, build in (("numpyro NUTS", _numpyro), ("blackjax NUTS", _blackjax)):
         draw = build(found, *steps)
         if draw is None:
-            print(f"{name} is not there: skipped")
             continue
         draw()
         begin = time.perf_counter()
         draws = draw()
         row(f"{name}, whitened", time.perf_counter() - begin, draws)
     draw = _pints(found, 500 if small else 20_000)
-    if draw is None:
-        print("pints is not there: skipped")
-    else:
+    if draw is not None:
         begin = time.perf_counter()
         draws = draw()
         row("pints (Haario-Bardenet), whitened", time.perf_counter() - begin, draws)
@@ -129,11 +126,10 @@ def _whitened(found: Fit) -> Callable:
     return lambda y: density(jnp.asarray(found.vector) + factor @ y)
 
 
+@needs("numpyro")
 def _numpyro(found: Fit, num_warmup: int, num_draws: int) -> Callable | None:
-    try:
-        from numpyro.infer import MCMC, NUTS
-    except ImportError:
-        return None
+    from numpyro.infer import MCMC, NUTS
+
     density = _whitened(found)
     sampler = MCMC(NUTS(potential_fn=lambda y: -density(y)), num_warmup=num_warmup,
                    num_samples=num_draws, progress_bar=False)  # fmt: skip
@@ -147,11 +143,10 @@ def _numpyro(found: Fit, num_warmup: int, num_draws: int) -> Callable | None:
     return draw
 
 
+@needs("blackjax")
 def _blackjax(found: Fit, num_warmup: int, num_draws: int) -> Callable | None:
-    try:
-        import blackjax
-    except ImportError:
-        return None
+    import blackjax
+
     density = _whitened(found)
 
     @jax.jit
@@ -170,11 +165,10 @@ def _blackjax(found: Fit, num_warmup: int, num_draws: int) -> Callable | None:
     return lambda: np.asarray(run(jax.random.key(0)))[None]
 
 
+@needs("pints")
 def _pints(found: Fit, num_draws: int) -> Callable | None:
-    try:
-        import pints
-    except ImportError:
-        return None
+    import pints
+
     density = jax.jit(_whitened(found))
     size = found.vector.size
 

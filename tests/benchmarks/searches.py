@@ -32,22 +32,13 @@ def one_search(made: dict, repeats: int) -> list[Row]:
         # the same optimum: chi squared within a thousandth, a thirtieth of a sd at most
         squares = [np.sum(residual(logs) ** 2) / 0.3**2 for logs in (search(), found)]
         np.testing.assert_allclose(*squares, atol=1e-3, rtol=0.0)
-        rows.append(
-            ratio_row(SECTION, "one search at 10 Hz / scipy on numba", mine, search, repeats)
-        )
-        evaluations = counted()
-        slow = solvers.scipy_solver(made)
+        what = "one search at 10 Hz / scipy on numba"
+        rows.append(ratio_row(SECTION, what, mine, search, repeats))
+        evaluations, slow = counted(), solvers.scipy_solver(made)
         each = median(lambda: slow(TRUTH), 2)
-        rows.append(
-            Row(
-                SECTION,
-                "one search at 10 Hz, scipy on solve_ivp (extrapolated)",
-                evaluations * each,
-                "s",
-                None,
-                f"{evaluations} evaluations of {duration(each)}",
-            )
-        )
+        what = "one search at 10 Hz, scipy on solve_ivp (extrapolated)"
+        detail = f"{evaluations} evaluations of {duration(each)}"
+        rows.append(Row(SECTION, what, evaluations * each, "s", None, detail))
     return rows
 
 
@@ -78,13 +69,9 @@ def _ours(made: dict) -> Callable:
 
     @jax.jit
     def search(start):
-        return optx.least_squares(
-            residual,
-            optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8),
-            start,
-            options={"jac": "fwd"},
-            max_steps=100,
-        ).value
+        solver = optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8)
+        options = {"jac": "fwd"}
+        return optx.least_squares(residual, solver, start, options=options, max_steps=100).value
 
     return lambda: search(jnp.asarray(OFF))
 

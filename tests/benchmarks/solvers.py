@@ -7,6 +7,7 @@ reading, or None where the package is not installed.
 from collections.abc import Callable
 
 import numpy as np
+from rows import needs
 
 B = 234.5
 
@@ -44,11 +45,9 @@ def scipy_solver(made: dict) -> Callable:
     return reading
 
 
+@needs("diffrax")
 def _diffrax(made: dict, controller: Callable, solver: Callable) -> Callable | None:
-    try:
-        import diffrax
-    except ImportError:
-        return None
+    import diffrax
     import jax
     import jax.numpy as jnp
 
@@ -86,12 +85,11 @@ def diffrax_at_samples(made: dict) -> Callable | None:
     )
 
 
+@needs("casadi")
 def casadi_integrator(made: dict) -> Callable | None:
     """Kutta's step in casadi, accumulated over the record."""
-    try:
-        import casadi as ca
-    except ImportError:
-        return None
+    import casadi as ca
+
     T, u, p, h = ca.SX.sym("T", 2), ca.SX.sym("u", 3), ca.SX.sym("p", 6), made["step"]
 
     def slope(T):

@@ -43,7 +43,6 @@ EDGE = 0.1
 
 
 def fitted(test: str, order: str, *, until_s: float | None = None) -> Fit:
-    """Return the fit of a bundled record, or of what it holds before a time."""
     motor = load_motor(SYNTHETIC / "motor.toml")
     path = SYNTHETIC / f"{test}.csv.gz"
     with tempfile.TemporaryDirectory() as folder:
@@ -142,10 +141,6 @@ def by_blackjax(found: Fit, *, num_warmup: int, num_draws: int, num_chains: int,
 
 def statistics(found: Fit, vectors: np.ndarray) -> Statistics:
     """Return mean, sd and quantiles with the Monte Carlo errors by ArviZ, and its ESS and R-hat.
-
-    Args:
-        found: Names the coordinates.
-        vectors: Draws in scores, shape (chain, draw, all).
 
     Reference: A. Vehtari, A. Gelman, D. Simpson, B. Carpenter, P.-C. Buerkner, Rank-normalization,
         folding, and localization: an improved R-hat, Bayesian Analysis 16 (2021) 667-718.

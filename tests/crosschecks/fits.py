@@ -38,7 +38,6 @@ def _slope(Tw, Ts, k, P, T0, Cw, Cs, Rw, Rs):
 
 @njit(cache=False)
 def winding(I2, P, T0, step, p, substeps):
-    """Return the winding temperature at the edges of the steps [degC]."""
     Cw, Cs, Rw, Rs, R0, current, gain, _, _, shift, Tw, Ts = p
     R0 = R0 * (1.0 + current) ** 2
     h = step / substeps
@@ -128,7 +127,6 @@ def by_scipy(found: Fit):
 
 
 def agreement(found: Fit) -> dict:
-    """Return how far the two fits are apart, in posterior standard deviations, by parameter."""
     assert tuple(slot.parameter.name for slot in found.slots) == NAMES
     theirs, squares, ours, evaluations = by_scipy(found)
     sd = np.sqrt(np.diag(found.covariance)[: len(NAMES)])

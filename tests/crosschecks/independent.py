@@ -76,14 +76,7 @@ def four_nodes(T, drive):
 
 
 def by_scipy(slope: Slope, start: list[float], edges: np.ndarray, drive: np.ndarray) -> np.ndarray:
-    """Return temperatures at the edges [degC], shape (edge, node), by DOP853 from edge to edge.
-
-    Args:
-        slope: One of the balances.
-        start: Temperatures at the first edge [degC].
-        edges: Times [s], shape (edge,).
-        drive: Inputs, constant between edges, shape (edge - 1, 5).
-    """
+    """Return temperatures at the edges [degC], shape (edge, node), by DOP853 from edge to edge."""
     rows = [np.asarray(start, dtype=float)]
     for (begin, end), values in zip(pairwise(edges), drive, strict=True):
         solution = solve_ivp(

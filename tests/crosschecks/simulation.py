@@ -21,19 +21,13 @@ def bundled_inputs(test: str, step_s: float, num: int | None = None) -> lptn.Inp
     motor = load_motor(SYNTHETIC / "motor.toml")
     full = reduce(read_test(SYNTHETIC / f"{test}.csv.gz", motor), motor, step_s=step_s).inputs
     assert full.speed is not None
-    return lptn.Inputs(
-        step=full.step,
-        current_squared=full.current_squared[:num],
-        losses=full.losses[:num],
-        ambient=full.ambient[:num],
-        speed=full.speed[:num],
-        rated_speed=full.rated_speed,
-        rated_current=full.rated_current,
-    )
+    kept = {name: getattr(full, name)[:num]
+            for name in ("current_squared", "losses", "ambient", "speed")}  # fmt: skip
+    whole = {name: getattr(full, name) for name in ("step", "rated_speed", "rated_current")}
+    return lptn.Inputs(**kept, **whole)
 
 
 def plain(inputs: lptn.Inputs) -> tuple[np.ndarray, np.ndarray]:
-    """Return the edges [s] and the drive of `independent` as plain arrays."""
     current, speed = np.asarray(inputs.current_squared), np.asarray(inputs.speed)
     columns = [
         current,
@@ -49,11 +43,9 @@ def plain(inputs: lptn.Inputs) -> tuple[np.ndarray, np.ndarray]:
 def cases() -> dict[str, tuple]:
     """Return by name: network, effects, and the same balance written independently."""
     p = independent
-    four = lptn.Network(
-        capacitance={node: jnp.asarray(C) for node, C in p.FOUR_C.items()},
-        resistance={link: jnp.asarray(R) for link, R in p.FOUR_R.items()},
-        share={node: jnp.asarray(part) for node, part in p.FOUR_SHARE.items()},
-    )
+    parts = p.FOUR_C, p.FOUR_R, p.FOUR_SHARE
+    parts = ({name: jnp.asarray(each) for name, each in part.items()} for part in parts)
+    four = lptn.Network(*parts)
     e = {name: jnp.asarray(value) for name, value in p.EFFECTS.items()}
     effects = (
         Radiation(eA=e["eA"], node="yoke"),

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from run_near_truth import TRUTH
 from scipy.signal import lfilter
 
 from heatrun.export import mat_bytes, network_variables
@@ -32,15 +33,9 @@ MISSED = Missed(
     heat=0.01, heat_s=1200.0, slow_K=0.2, slow_s=60.0, white_K=0.03, sensor_K=0.0, sink_K=0.0,
     share=0.0, resolution_K=0.0,
 )  # fmt: skip
-SAID = {
-    "run": "run",
-    "sha256": "0" * 64,
-    "machine": "bench",
-    "network": "second order",
-    "corrections": "by nothing",
-}
-VALUES = {
-    "Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625, "Rs0": 0.0062,
+SAID = {"run": "run", "sha256": "0" * 64, "machine": "bench", "network": "second order",
+        "corrections": "by nothing"}  # fmt: skip
+VALUES = TRUTH | {
     "Ceq": 12500.0, "Req": 0.132, "Tw_start": 60.4, "Tsr_start": 55.8,
     "speed_cooling.g": 0.9, "speed_cooling.m": 0.73, "radiation.eA": 0.1,
 }  # fmt: skip
@@ -80,7 +75,6 @@ BUILT = {}
 
 
 def written(folder, made):
-    """Write the sources; return the folder."""
     folder.mkdir(exist_ok=True)
     for name, text in made.texts().items():
         (folder / name).write_bytes(text)
@@ -88,7 +82,6 @@ def written(folder, made):
 
 
 def build(folder, made, *words, harness="main.c"):
-    """Compile the sources with a harness; return the program."""
     written(folder, made)
     sources = ("thermal_network.h", "thermal_network.c", harness)
     key = (*words, *((folder / name).read_bytes() for name in sources))
@@ -114,7 +107,6 @@ def observed(folder, made, start, sd, rows, *words):
 
 
 def run_observer(program, start, sd, rows):
-    """Return what the program says, as `observed`."""
     done = subprocess.run([program, str(start), str(sd)], input=np.asarray(rows, float).tobytes(),
                           capture_output=True, check=False)  # fmt: skip
     assert done.returncode == 0
@@ -124,11 +116,6 @@ def run_observer(program, start, sd, rows):
 
 def hidden_machine(seed, num=3600, eA=0.0):
     """A two-node machine with heat that the network misses, by Euler steps of 0.1 s.
-
-    Args:
-        seed: Of its noise.
-        num: Of seconds.
-        eA: Emissivity times surface of the stator [m2].
 
     Returns:
         Temperatures (step, node), rows of current, losses, sink and reading (step, 4).

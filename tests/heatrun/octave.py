@@ -12,15 +12,7 @@ needs_octave = pytest.mark.skipif(OCTAVE is None, reason="GNU Octave is not inst
 
 
 def octave(script: Path | str, home: Path, *options: str, timeout: float = 120, **variables: str):
-    """Run a script, and return what it prints.
-
-    Args:
-        script: The file.
-        home: As it leaves, Octave complains where the home has no folder for its own data.
-        options: Of the command.
-        timeout: Of the process [s].
-        variables: Of the environment.
-    """
+    """Run a script, and return what it prints."""
     assert OCTAVE is not None
     done = subprocess.run(
         [OCTAVE, "--no-init-file", *options, str(script)],

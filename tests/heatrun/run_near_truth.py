@@ -47,16 +47,7 @@ def run_near_truth(
     seed: int = 6,
     effects: tuple[type[AbstractEffect], ...] = (),
 ) -> Path:
-    """Write a run in the form of a calibration on a test called `duty`.
-
-    Args:
-        folder: Made here.
-        motor: The machine.
-        test: What the priors are taken from.
-        others: Values that differ from those of the truth, and those of effects.
-        seed: Of the draws.
-        effects: In the model.
-    """
+    """Write a run in the form of a calibration on a test called `duty`."""
     folder.mkdir()
     rng = np.random.default_rng(seed)
     truth = TRUTH | (others or {})

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 import simulink_models
 from octave import needs_octave, octave
+from run_near_truth import TRUTH
 from simulink_models import Diagram
+from test_export_new import row_means, rows_at_level_load
 
 from heatrun.export import mat_bytes, simulate_variables, thesis_variables
 from heatrun.motor.file import load_motor
@@ -20,12 +22,9 @@ DATA = Path(__file__).parents[2] / "data" / "synthetic"
 SCRIPT = (files("heatrun.export") / "templates" / "build_models.m").read_text()
 SECOND, FIRST = "Second_Order_Thermal_Motor_Model", "First_Order_Thermal_Motor_Model"
 VALUES = {
-    "second": {
-        "Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625, "Rs0": 0.0062,
-        "Tw_start": 20.4, "Tsr_start": 19.8,
-    },
+    "second": TRUTH | {"Tw_start": 20.4, "Tsr_start": 19.8},
     "first": {"Ceq": 12500.0, "Req": 0.132, "Tw_start": 20.4},
-}  # fmt: skip
+}
 MODEL = {"second": SECOND, "first": FIRST}
 
 
@@ -85,19 +84,11 @@ def test_the_diagram_integrates_to_what_simulate_says(order, models, record, mot
     columns = {"Tw_sim": "winding_degC", "Ts_sim": "stator_degC"}
     if order == "first":
         del columns["Ts_sim"]
-    middle = virtual["time_s"].to_numpy()
-    edges = np.append(middle - 1.0, middle[-1] + 1.0)  # rows of 2 s
-    # A row of the virtual record is the mean of the temperatures at its two ends. Where the load
-    # jumps inside a row that is not the mean over the row, so rows with a jump are left out.
-    is_level = np.abs(np.diff(virtual["phase_current_A"], prepend=0.0)) < 10.0
+    is_level = rows_at_level_load(virtual)
     assert np.mean(is_level) > 0.95
     for variable, column in columns.items():
-        integral = np.concatenate(
-            [[0.0], np.cumsum(0.5 * (found[variable][1:] + found[variable][:-1]) * np.diff(time))]
-        )
-        means = np.diff(np.interp(edges, time, integral)) / 2.0
-        apart = np.abs(means - virtual[column].to_numpy())[is_level]
-        assert np.max(apart) < 0.01, variable
+        means = row_means(time, found[variable], virtual["time_s"])
+        assert np.max(np.abs(means - virtual[column])[is_level]) < 0.01, variable
     if order == "second":
         # 3 Is^2 Rs0 (B + Tw)/(B + Trif), the thesis' section 4.3
         loss = 3 * 0.0062 * variables["Is"].ravel() ** 2 * (234.5 + found["Tw_sim"]) / 259.5

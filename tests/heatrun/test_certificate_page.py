@@ -45,13 +45,11 @@ def parameter(value, sd, interval, unit="J/K", **more):
 
 
 def with_second(stored, **changes):
-    """The stored result with other values in fields of its second-order model."""
     models = {**stored.models, "second": replace(stored.models["second"], **changes)}
     return replace(stored, models=models)
 
 
 def judged(result, **verdicts):
-    """The stored result with other verdicts on parameters of its second-order model."""
     held = result.models["second"].parameters
     changed = {name: replace(held[name], identifiability=word) for name, word in verdicts.items()}
     return with_second(result, parameters={**held, **changed})

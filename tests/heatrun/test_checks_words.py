@@ -125,9 +125,8 @@ def test_a_measured_stator_is_not_called_unknown():
 
 
 def test_a_test_that_is_cut_while_warm_is_told_how_its_stator_can_be_known():
-    (finding,) = named(
-        check_record(cut(CLEAN, Stretch(1800.0), "asked for"), MOTOR), "cut_while_warm"
-    )
+    late = cut(CLEAN, Stretch(1800.0), "asked for")
+    (finding,) = named(check_record(late, MOTOR), "cut_while_warm")
     assert "is not simulated" in finding.message
     assert "mask = [[60, 1800]] under [tests.NAME]" in finding.remedy
     begin = parts_of(CLEAN, replace(MOTOR, tests={"run": PartsOfTest(mask=((60.0, 1800.0),))}))
@@ -138,7 +137,7 @@ def test_coolant_replaces_ambient_where_it_is_the_sink():
     record = changed(without(CLEAN, "ambient_degC"), coolant_degC=CLEAN["ambient_degC"])
     assert named(check_record(record, MOTOR), "missing_channel")
     cooled = replace(MOTOR, sink="coolant")
-    assert not [f for f in check_record(record, cooled) if f.severity != "note"]
+    assert all(f.severity == "note" for f in check_record(record, cooled))
 
 
 def test_a_plain_ampere_is_not_said_to_be_stated_as_rms():
@@ -150,10 +149,16 @@ def test_a_plain_ampere_is_not_said_to_be_stated_as_rms():
 
 
 SLOW = every(CLEAN, 20)  # 2 s
+DETACHED = "sensor_detached"
+
+
+def warned(record: Record) -> list[Finding]:
+    """What is more than a note."""
+    return [one for one in check_record(record, MOTOR) if one.severity != "note"]
 
 
 def errors(record: Record) -> list[str]:
-    return [one.id for one in check_record(record, MOTOR) if one.severity == "error"]
+    return [one.id for one in warned(record) if one.severity == "error"]
 
 
 def test_three_faults_are_three_findings():
@@ -168,11 +173,7 @@ def test_three_faults_are_three_findings():
     )  # fmt: skip
     columns = as_columns(struck)
     kept = tuple(one for one in columns.mapping if one.channel != "losses_W")
-    found = [
-        one for one in check_record(
-            Record("run", struck.channels, mapping=kept), MOTOR
-        ) if one.severity != "note"
-    ]  # fmt: skip
+    found = warned(Record("run", struck.channels, mapping=kept))
     assert [one.id for one in found] == ["time_backwards", "unit_suspected", "sensor_detached"]
 
 
@@ -242,16 +243,16 @@ def test_a_logger_that_starts_again_at_zero_has_one_cause():
     time_s = np.where(SLOW.time_s < 1800.0, SLOW.time_s, SLOW.time_s - 1800.0)
     again = Finding("logger_restarted", "warning", "Again.", values={
         "count": 1, "first_sample": first})  # fmt: skip
-    record = replace(changed(SLOW, time_s=time_s), findings=(again,))
+    later = replace(SLOW, findings=(again,))
+    assert named(check_record(later, MOTOR), "logger_restarted")
+    record = replace(later, channels=changed(SLOW, time_s=time_s).channels)
     told = {one.id: one for one in check_record(record, MOTOR)}
     assert "logger_restarted" not in told
     assert "the logger was started again" in told["time_backwards"].message
     parts = as_advised(record)
     assert len(parts) == 2
-    assert not [one for part in parts for one in check_record(part, MOTOR) if one.id in
-                ("logger_restarted", "time_backwards")]  # fmt: skip
-    later = replace(SLOW, findings=(again,))
-    assert named(check_record(later, MOTOR), "logger_restarted")
+    again = {one.id for part in parts for one in check_record(part, MOTOR)}
+    assert not again & {"logger_restarted", "time_backwards"}
 
 
 def test_a_sensor_that_is_off_for_a_while_costs_that_while():
@@ -280,19 +281,17 @@ BESIDE = {
 def test_a_body_that_is_off_is_told_once_and_the_test_goes_on_without(name, channel):
     id, struck = BESIDE[name]
     record = changed(SLOW, **{channel: struck(SLOW.time_s, LIVE)})
-    (finding,) = [one for one in check_record(record, MOTOR) if one.severity != "note"]
+    (finding,) = warned(record)
     assert finding.id == id
     assert channel in finding.where
     assert f'{channel} = "none" under [columns]' in finding.remedy
-    assert not [one for one in check_record(changed(SLOW, **{channel: LIVE}), MOTOR)
-                if one.severity != "note"]  # fmt: skip
+    assert not warned(changed(SLOW, **{channel: LIVE}))
 
 
 def test_a_sink_that_jumps_is_not_told_to_move_too():
     fallen = np.where(SLOW.time_s < 1500.0, SLOW["ambient_degC"], 5.0)
-    told = [one.id for one in check_record(changed(SLOW, ambient_degC=fallen), MOTOR)
-            if one.severity != "note"]  # fmt: skip
-    assert told == ["temperature_jump"]
+    (told,) = warned(changed(SLOW, ambient_degC=fallen))
+    assert told.id == "temperature_jump"
 
 
 def test_an_offset_of_the_torque_is_not_told_as_a_warm_start():
@@ -337,10 +336,8 @@ def test_a_part_in_rows_is_cut_in_rows():
     def advised(*pairs: tuple[int, int]) -> str:
         use = tuple(Stretch(*pair, in_rows=True) for pair in pairs)
         parts = parts_of(whole, replace(MOTOR, tests={"run": PartsOfTest(use=use)}))
-        return " ".join(
-            one.remedy for part in parts for one in check_record(part, MOTOR)
-            if one.id == "sensor_detached"
-        )  # fmt: skip
+        found = [one for part in parts for one in named(check_record(part, MOTOR), DETACHED)]
+        return " ".join(one.remedy for one in found)
 
     told = advised((1, first), (first + 1, size))
     pair = re.search(r"\[tests.run\] use_rows = \[\[1, (\d+)\], …\] in the motor file", told)
@@ -357,11 +354,9 @@ def test_a_part_in_rows_is_cut_in_rows():
 def test_a_sensor_that_is_put_back_is_left_out_between():
     record = fell_off(SLOW, 1500.0)
     winding = np.where(record.time_s < 2200.0, record["winding_degC"], SLOW["winding_degC"])
-    (finding,) = [
-        one for one in check_record(changed(record, winding_degC=winding), MOTOR)
-        if one.severity == "error"
-    ]  # fmt: skip
-    assert finding.id == "sensor_detached"
+    record = changed(record, winding_degC=winding)
+    assert errors(record) == [DETACHED]
+    (finding,) = named(check_record(record, MOTOR), DETACHED)
     assert "mask = [[1" in finding.remedy
     assert finding.values["until_s"] == pytest.approx(2200.0, abs=5.0)
 
@@ -386,15 +381,15 @@ def test_a_steady_load_tells_its_rise():
         SLOW, winding_degC=steady, ambient_degC=0.0 * steady + 22.0, losses_W=0.0 * steady + 300.0,
         phase_current_A=0.0 * steady + 90.0,
     )  # fmt: skip
-    (finding,) = [one for one in check_record(record, MOTOR) if one.id == "no_heating"]
+    (finding,) = named(check_record(record, MOTOR), "no_heating")
     assert "60.0 K at 300 W, 0.2 K/W" in finding.message
 
 
 def test_amplitudes_are_told_once():
     peaks = decided(changed(SLOW, phase_current_A=np.sqrt(2.0) * SLOW["phase_current_A"]))
-    told = [one for one in check_record(peaks, MOTOR) if one.severity != "note"]
-    assert [one.id for one in told] == ["losses_below_copper"]
-    assert "[A_peak]" in told[0].remedy
+    (told,) = warned(peaks)
+    assert told.id == "losses_below_copper"
+    assert "[A_peak]" in told.remedy
 
 
 def test_input_power_for_losses_is_not_told_of_the_clock_too():
@@ -432,8 +427,7 @@ def test_a_sensor_below_its_housing_through_short_pulses_is_told_from_where_it_f
          "housing_degC": np.round(housing, 1), "ambient_degC": np.full(time_s.size, 24.0),
          "phase_current_A": np.where(loaded, 120.0, 0.0)},
     )  # fmt: skip
-    told = [one for one in check_record(record, MOTOR) if one.id == "sensor_detached"]
-    (finding,) = told
+    (finding,) = named(check_record(record, MOTOR), DETACHED)
     assert finding.values["from_s"] == pytest.approx(2000.0, abs=60.0)
     assert "use = [[0.000, " in finding.remedy
 
@@ -463,7 +457,7 @@ def test_a_small_winding_falls_fast_as_its_load_goes(loose_K, at_s):
         "losses_W": losses, "phase_current_A": np.where(losses > 0.0, 30.0, 0.0),
         "ambient_degC": np.full(time_s.size, 24.0),
     })  # fmt: skip
-    told = [one for one in check_record(record, MOTOR) if one.id == "temperature_jump"]
+    told = named(check_record(record, MOTOR), "temperature_jump")
     assert [one.severity for one in told] == (["error"] if loose_K else [])
     assert all(one.values["from_s"] == pytest.approx(at_s, abs=2.0) for one in told)
 
@@ -580,7 +574,7 @@ def ids():
 
 def test_a_spike_of_the_sink_costs_no_column():
     record = edited(CLEAN, "ambient_degC", 1000.0, 1000.2, 90.0)
-    (jump,) = [one for one in check_record(record, MOTOR) if one.id == "temperature_jump"]
+    (jump,) = named(check_record(record, MOTOR), "temperature_jump")
     assert jump.severity == "warning"
     assert '"none"' not in jump.remedy
 
@@ -609,7 +603,7 @@ OF_A_CONSTANT = (f"ambient_degC = 0 {BY_CONSTANTS}",)
 def test_a_constant_in_fahrenheit_is_corrected_where_it_stands():
     sink = np.full(SLOW.time_s.size, float(np.median(SLOW["ambient_degC"][:20])) * 1.8 + 32.0)
     record = replace(changed(SLOW, ambient_degC=sink), notes=OF_A_CONSTANT)
-    (finding,) = [one for one in check_record(record, MOTOR) if one.severity != "note"]
+    (finding,) = warned(record)
     assert finding.id == "units_temperature"
     at_rest = f"{(sink[0] - 32.0) / 1.8:.1f}"
     assert finding.remedy.startswith(f"Write ambient_degC = {at_rest} under [constants]")
@@ -644,12 +638,12 @@ def test_a_winding_below_its_housing_all_along_is_told_by_its_cause(housing, say
     is_exchanged = "exchanged" in says
     pair = (cooler, SLOW["winding_degC"]) if is_exchanged else (SLOW["winding_degC"], cooler)
     record = changed(SLOW, winding_degC=pair[0], housing_degC=pair[1])
-    (finding,) = [one for one in check_record(record, MOTOR) if one.severity == "error"]
-    assert finding.id == "sensor_detached"
+    assert errors(record) == [DETACHED]
+    (finding,) = named(check_record(record, MOTOR), DETACHED)
     assert says in finding.message
     assert line in finding.remedy
     right = changed(SLOW, housing_degC=22.0 + 0.5 * (SLOW["winding_degC"] - 22.0))
-    assert not [one for one in check_record(right, MOTOR) if one.severity == "error"]
+    assert not errors(right)
 
 
 def test_a_winding_as_cold_as_the_room_is_not_exchanged_with_its_housing():
@@ -657,7 +651,7 @@ def test_a_winding_as_cold_as_the_room_is_not_exchanged_with_its_housing():
     housing = 70.0 + 0.1 * (warm["winding_degC"] - warm["winding_degC"].min())
     hangs = warm["ambient_degC"] + 4.0 + 0.05 * (warm["winding_degC"] - warm["winding_degC"].min())
     record = changed(warm, winding_degC=hangs, housing_degC=housing)
-    (finding,) = [one for one in check_record(record, MOTOR) if one.id == "sensor_detached"]
+    (finding,) = named(check_record(record, MOTOR), DETACHED)
     assert "less than its housing under load" in finding.message
     assert "exchanged" not in finding.sentence()
 
@@ -674,9 +668,8 @@ def test_losses_that_are_missing_for_a_while_are_checked_for_completeness():
 )
 def test_the_hour_of_daylight_saving_is_named(by_s, id, said):
     record = replace(shifted_clock(SLOW, 1800.0, by_s), clock_s=2.5 * 3600.0)
-    told = [one for one in check_record(record, MOTOR) if one.severity == "error"]
-    (finding,) = told
-    assert finding.id == id
+    assert errors(record) == [id]
+    (finding,) = named(check_record(record, MOTOR), id)
     assert said in finding.message
     assert "in UTC" in finding.remedy
     by_day = replace(record, clock_s=12.5 * 3600.0)

@@ -247,7 +247,6 @@ int main(void)
 
 
 def answers(folder, made, ask=ASK):
-    """Return what the program says that asks for times and currents."""
     (folder / "ask.c").write_text(ask)
     status, said = checked(folder, build(folder, made, harness="ask.c"))
     assert status == 0
@@ -386,17 +385,3 @@ def test_what_changed_in_one_test_is_not_the_drives(day):
     other = of_no_test(changed)
     assert other.values == found.values
     assert other.predicted.reading.shape == found.predicted.reading.shape
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["run", "duty.csv", "--to", "c"], "--to c exports a run"),
-        ([__file__, "--to", "c"], "--to c takes a run folder"),
-        (["run", "--to", "c", "--corrected"], "a drive has its own instruments"),
-        (["run", "--to", "mat", "--step", "1"], "--step is for --to c, fmu and modelica"),
-    ],
-)
-def test_words_of_the_other_kind_are_refused(words, said, capsys):
-    assert cli.main(["export", *words]) == 2
-    assert said in capsys.readouterr().err

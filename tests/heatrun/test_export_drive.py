@@ -214,7 +214,6 @@ def test_no_name_gets_into_xml_toml_or_the_sheet(hostile_run):
 
 
 def attributes(path):
-    """Return the attributes of each element of an XML file by its tag."""
     return {element.tag: element.attrib for element in ElementTree.parse(path).getroot().iter()}
 
 
@@ -259,6 +258,10 @@ def test_the_rotor_of_mujoco_turns_freely_up_to_its_voltage(day):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
+        (["run", "duty.csv", "--to", "c"], "--to c exports a run"),
+        ([__file__, "--to", "c"], "--to c takes a run folder"),
+        (["run", "--to", "c", "--corrected"], "a drive has its own instruments"),
+        (["run", "--to", "mat", "--step", "1"], "--step is for --to c, fmu and modelica"),
         (["run", "duty.csv", "--to", "drive"], "--to drive exports a run"),
         ([__file__, "--to", "mujoco"], "--to mujoco takes a run folder"),
         (["run", "--to", "drive", "--replica"], "follows all tests of the run"),

@@ -1,7 +1,6 @@
 """A run as FMU and Modelica: valid, with the intervals of the run, and no name gets through."""
 
 import json
-import shutil
 import sys
 import zipfile
 from dataclasses import replace
@@ -12,6 +11,7 @@ import fmpy
 import numpy as np
 import pytest
 import xmlschema
+from c_programs import needs_compiler
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
@@ -26,9 +26,6 @@ from heatrun.export.sources import ends, read_source
 from heatrun.runs.run import open_run
 
 FMU = "fmu/thermal_network.fmu"
-needs_compiler = pytest.mark.skipif(
-    not (shutil.which("gcc") or shutil.which("cc")), reason="no C compiler"
-)
 needs_modelica = pytest.mark.skipif(not has_modelica, reason="no Modelica compiler")
 HOSTILE = '*/ "); end x; // <&\n\\ \x00 %s$step é'
 
@@ -94,7 +91,6 @@ def test_set_to_the_end_of_its_intervals_it_is_as_lptn_there(read, fmu, finished
 
 @pytest.fixture
 def slave(fmu):
-    """An instance before its start."""
     description = fmpy.read_model_description(str(fmu))
     made = FMU3Slave(
         guid=description.guid, unzipDirectory=str(fmu), modelIdentifier="thermal_network",

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.io
+from run_near_truth import TRUTH
 
 import heatrun
 from heatrun.errors import InputError
@@ -38,12 +39,8 @@ VALUES = {
 
 def constant(num=3001, step=1.0, **channels):
     t = step * np.arange(num)
-    driven = {
-        "phase_current_A": 100.0,
-        "losses_W": 400.0,
-        "ambient_degC": 20.0,
-        "winding_degC": 20.0,
-    }
+    driven = {"phase_current_A": 100.0, "losses_W": 400.0, "ambient_degC": 20.0,
+              "winding_degC": 20.0}  # fmt: skip
     return Record("steady", {"time_s": t} | {
         name: np.broadcast_to(np.asarray(value, float), t.shape).copy()
         for name, value in (driven | channels).items()
@@ -66,11 +63,11 @@ def test_the_file_reads_back_as_data():
     assert found["resistance"].tolist() == [0.12, 0.15]
     assert found["capacitance"].tolist() == [600.0, 15000.0]
     assert found["share"].tolist() == [0.0, 1.0]
-    assert (found["copper_node"], found["sink"], found["losses"]) == (
+    assert [found[n] for n in ("copper_node", "sink", "losses")] == [
         "winding",
         "ambient",
         "balance",
-    )
+    ]
     assert (found["Rs0"], found["phases"], found["B"], found["Tref"]) == (0.006, 3, 234.5, 25.0)
     assert found["sensor"] == {"node": "winding", "gain": 0.0, "offset": 0.25}
     assert found["rated_speed_rpm"] == pytest.approx(3000.0, rel=1e-15)
@@ -173,10 +170,7 @@ def test_the_built_in_networks_are_told_by_their_parts(tmp_path):
 
 
 N = 400
-OF_THE_THESIS = {
-    "Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625, "Rs0": 0.0062,
-    "Tw_start": 22.0, "Tsr_start": 21.0,
-}  # fmt: skip
+OF_THE_THESIS = TRUTH | {"Tw_start": 22.0, "Tsr_start": 21.0}
 REFERENCE = Motor("reference", phase_resistance_ohm=0.0062)
 
 
@@ -221,17 +215,15 @@ def test_missing_readings_stay_missing_and_are_said():
 
 def test_a_coolant_that_is_the_sink_stands_in_te():
     cooled = record(coolant_degC=np.full(N, 55.0))
-    variables, notes = thesis_variables(
-        cooled, OF_THE_THESIS, replace(REFERENCE, sink="coolant"), "second"
-    )
+    machine = replace(REFERENCE, sink="coolant")
+    variables, notes = thesis_variables(cooled, OF_THE_THESIS, machine, "second")
     assert np.all(variables["Te"] == 55.0)
     assert notes == ("Te holds coolant_degC, the sink of this motor.",)
 
 
 def test_six_phases_are_in_the_reference_resistance():
-    variables, notes = thesis_variables(
-        record(), OF_THE_THESIS, replace(REFERENCE, phases=6), "second"
-    )
+    six = replace(REFERENCE, phases=6)
+    variables, notes = thesis_variables(record(), OF_THE_THESIS, six, "second")
     assert variables["Rrif"][0, 0] == 6 * 0.0062
     assert "6 times the phase resistance" in notes[0]
 
@@ -273,12 +265,8 @@ def test_a_coarse_and_uneven_record_is_simulated_on_finer_steps():
     variables, _ = thesis_variables(coarse, OF_THE_THESIS, REFERENCE, "second")
     course = simulate_variables(variables)
     fine = np.interp(np.arange(0.0, time[-1] + 0.1, 1.0)[:-1] + 0.5, time, losses)
-    inputs = Inputs(
-        step=np.asarray(1.0),
-        current_squared=np.full(fine.size, 8100.0),
-        losses=fine,
-        ambient=np.full(fine.size, 20.0),
-    )
+    of_load = {"current_squared": np.full(fine.size, 8100.0), "losses": fine}
+    inputs = Inputs(step=np.asarray(1.0), ambient=np.full(fine.size, 20.0), **of_load)
     network = second_order(*(OF_THE_THESIS[n] for n in ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")))
     exact = reference(
         network, CopperLosses(Rs0=np.asarray(0.0062)), inputs, {"winding": 22.0, "stator": 21.0}

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from octave import needs_octave, octave
+from run_near_truth import TRUTH
 
 from heatrun.export import mat_bytes, network_variables, simulate_network
 from heatrun.model.model import Model
@@ -21,8 +22,7 @@ pytestmark = needs_octave
 
 MOTOR = Motor("bench", phase_resistance_ohm=0.0062)
 MAP = replace(MOTOR, losses="map")
-VALUES = {
-    "Ceq_w": 666.75, "Ceq_sr": 15060.1, "Req_w": 0.14485, "Req_sr": 0.11625, "Rs0": 0.0062,
+VALUES = TRUTH | {
     "Ceq": 12500.0, "Req": 0.132, "Tw_start": 60.4, "Tsr_start": 55.8,
     "sensor_gain": 0.01, "sensor_offset": -0.3,
 }  # fmt: skip
@@ -52,7 +52,6 @@ CLOSE_K = 1e-3
 
 
 def record(step=1.5, num=401):
-    """Ten minutes with steps of current, speed (of both signs), coolant and fan."""
     t = step * np.arange(num)
     runs = (t // 60) % 2 == 0
     return Record(
@@ -82,8 +81,6 @@ SHORT = record()
 
 @dataclass(frozen=True)
 class Case:
-    """A model and how it is driven."""
-
     base: str = "second"  # Key of `BASES`.
     effects: tuple[str, ...] = ()  # Ids, in order.
     motor: Motor = MOTOR  # Says what the losses mean, and the sink.

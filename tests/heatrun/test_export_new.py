@@ -45,11 +45,10 @@ def rows_at_level_load(virtual):
     return np.abs(np.diff(virtual["phase_current_A"], prepend=0.0)) < 10.0
 
 
-def row_means(course, middle):
+def row_means(time, T, middle):
     """Return the means over rows of 2 s of a course of straight lines [degC]."""
-    time, T = course["time_s"].to_numpy(), course["winding_degC"].to_numpy()
     integral = np.concatenate([[0.0], np.cumsum(0.5 * (T[1:] + T[:-1]) * np.diff(time))])
-    edges = np.append(middle - 1.0, middle[-1] + 1.0)
+    edges = np.append(middle - 1.0, np.max(middle) + 1.0)
     return np.diff(np.interp(edges, time, integral)) / 2.0
 
 
@@ -61,7 +60,8 @@ def test_octave_says_of_a_new_test_what_simulate_says(bench_day, capsys):
     (bench_day / "octave").mkdir()
     course, _, _ = run_octave(bench_day / "octave", variables)
     virtual = pd.read_csv("step_virtual.csv")
-    apart = np.abs(row_means(course, virtual["time_s"].to_numpy()) - virtual["winding_degC"])
+    means = row_means(*course[["time_s", "winding_degC"]].to_numpy().T, virtual["time_s"])
+    apart = np.abs(means - virtual["winding_degC"])
     is_level = rows_at_level_load(virtual)
     with capsys.disabled():
         print(f"\nOctave and heatrun simulate differ by at most {np.max(apart[is_level]):.1e} K")

@@ -187,7 +187,6 @@ def steady_record():
 
 
 def steady(*model, **values):
-    """Return the source of the machine that `hidden_machine` simulates."""
     return source(*model, record=steady_record(), **values)
 
 

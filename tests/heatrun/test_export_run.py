@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import pytest
-from run_files import edit, write_csv
+from run_files import CHANNELS, edit, write_csv
 
 from heatrun import cli
 from heatrun.errors import InputError
@@ -40,26 +40,13 @@ def test_every_variable_reads_back_to_the_last_bit(day):
     variables = read_variables(Path("out/prova.mat").read_bytes())
     assert list(variables) == THESIS == list(written["variables"])
     record = read_record("duty.csv", load_motor("motor.toml"))
-    signals = {
-        "t": record.time_s,
-        "Is": record["phase_current_A"],
-        "Pd": record["losses_W"],
-        "Te": record["ambient_degC"],
-        "Tw_m": record["winding_degC"],
-    }
+    signals = {name: record[channel] for channel, name in CHANNELS.items() if name in THESIS}
     model = json.loads(Path("run/fit.json").read_text())["models"]["second"]
     found = {n: e["value"] for n, e in {**model["parameters"], **model["nuisances"]}.items()}
-    scalars = {
-        "B": 234.5,
-        "Trif": 25.0,
-        "Rrif": 3 * found["Rs0"],
-        "Ceqw": found["Ceq_w"],
-        "Ceqsr": found["Ceq_sr"],
-        "Reqw": found["Req_w"],
-        "Reqsr": found["Req_sr"],
-        "Two": found["Tw_start[duty]"],
-        "Tso": found["Tsr_start[duty]"],
-    }
+    scalars = {"B": 234.5, "Trif": 25.0, "Rrif": 3 * found["Rs0"],
+               "Two": found["Tw_start[duty]"], "Tso": found["Tsr_start[duty]"]}  # fmt: skip
+    for name in ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr"):
+        scalars[name.replace("_", "")] = found[name]
     for name, signal in signals.items():
         assert variables[name].shape == (record.time_s.size, 1)
         assert np.array_equal(variables[name][:, 0], signal)

@@ -45,7 +45,6 @@ def write(path: Path, table: dict[str, np.ndarray]) -> Path:
 
 
 def energy_kWh(table: dict[str, np.ndarray], from_s: float, to_s: float) -> float:
-    """The integral of U I by trapezoids between two moments."""
     t = table["time_s"]
     inside = (t >= from_s) & (t <= to_s)
     power = (table["dc_voltage_V"] * table["dc_current_A"])[inside]

@@ -123,6 +123,10 @@ STATES_ENGLISH = (
     "runs/figures_of_draws.py",
 )  # fmt: skip
 """Where the sentences are made that a run states in English."""
+SAYS_FINDINGS = (
+    "posterior/fit_checks.py", "checks/excitation.py", "effects/found.py", "fit/fit.py",
+)  # fmt: skip
+"""Where all sentences of findings are in the table."""
 
 
 @pytest.fixture(scope="module")
@@ -177,31 +181,14 @@ def _words(path: Path) -> set[str]:
     return {text for text in found if text.count(" ") >= 2}
 
 
-@pytest.mark.parametrize("module", STATES_ENGLISH)
-def test_what_a_run_states_in_english_is_in_the_table(module):
+@pytest.mark.parametrize("module", STATES_ENGLISH + SAYS_FINDINGS)
+def test_what_a_run_states_and_its_findings_say_is_in_the_table(module):
     english = [FIELD.sub("{}", row[0]) for row in table().values()]
+    parted = SENTENCES if module in SAYS_FINDINGS else re.compile(", ")
     words = _words(HEATRUN / module)
-    assert words
-    pieces = {piece for text in words for piece in text.split(", ")}
-    lacking = {text for text in pieces if not any(text in row for row in english)}
-    assert not lacking
-
-
-SAYS_FINDINGS = (
-    "posterior/fit_checks.py", "checks/excitation.py",
-    "effects/found.py", "fit/fit.py",
-)  # fmt: skip
-"""Where all sentences of findings are in the table."""
-
-
-@pytest.mark.parametrize("module", SAYS_FINDINGS)
-def test_sentences_of_findings_are_in_the_table(module):
-    english = [FIELD.sub("{}", row[0]) for row in table().values()]
-    pieces = {piece.strip(" .") for text in _words(HEATRUN / module)
-              for piece in SENTENCES.split(text)}  # fmt: skip
-    lacking = {text for text in pieces if not any(text in row for row in english)}
+    pieces = {piece.strip(" .") for text in words for piece in parted.split(text)}
     assert pieces
-    assert not lacking
+    assert not {text for text in pieces if not any(text in row for row in english)}
 
 
 def test_keys_of_the_table_are_those_of_one_section():

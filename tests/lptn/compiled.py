@@ -19,7 +19,6 @@ LONG = 90_000
 
 
 def constant(step, current=0.0, losses=0.0, ambient=20.0, num=NUM):
-    """A record on which nothing changes."""
     return lptn.Inputs(
         step=jnp.asarray(step),
         current_squared=jnp.asarray(np.full(num, current**2)),

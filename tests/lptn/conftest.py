@@ -5,6 +5,7 @@ jax.config.update("jax_enable_x64", True)
 import jax.numpy as jnp  # noqa: E402
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
+from independent import FOUR_C, FOUR_R, FOUR_SHARE  # noqa: E402
 
 from lptn import CopperLosses, Inputs, Network, second_order  # noqa: E402
 
@@ -26,20 +27,8 @@ def network():
 @pytest.fixture(scope="session")
 def four_nodes():
     """A network in the manner of the published four-node ones, in which the shares are split."""
-    capacitance = {"winding": 437.0, "tooth": 6509.0, "yoke": 10666.0, "magnet": 3511.0}
-    resistance = {
-        ("winding", "tooth"): 0.0899,
-        ("winding", "yoke"): 0.0375,
-        ("yoke", "tooth"): 0.0707,
-        ("tooth", "magnet"): 0.4,
-        ("yoke", "ambient"): 0.018,
-    }
-    share = {"tooth": 0.5, "yoke": 0.3, "magnet": 0.2}
-    return Network(
-        capacitance={node: jnp.asarray(C) for node, C in capacitance.items()},
-        resistance={link: jnp.asarray(R) for link, R in resistance.items()},
-        share={node: jnp.asarray(part) for node, part in share.items()},
-    )
+    parts = FOUR_C, FOUR_R | {("yoke", "ambient"): 0.018}, FOUR_SHARE
+    return Network(*({name: jnp.asarray(each) for name, each in part.items()} for part in parts))
 
 
 @pytest.fixture(scope="session")

@@ -43,6 +43,8 @@ NULL = {
     "natural_convection": {"f": 0.0, "n": 0.3},
 }
 NUM_ROWS = 8
+MAP = CopperLosses(Rs0=jnp.asarray(RS0), kind="map")
+COLD = {"winding": SINK, "stator": SINK}
 
 BALANCED = [*((law, "map") for law in LAWS), *((law, "balance") for law in ("none", *NULL))]
 """Laws and kinds of losses: what the losses are, a housing does not ask."""
@@ -75,7 +77,6 @@ def answers(network, losses, effects, current, share, stator):
 
 
 def asked(law, kind, network, *, current=(CURRENT,), share=(0.5,), stator=SINK):
-    """Answers to some currents or shares, as arrays."""
     num = max(len(current), len(share))
     losses = CopperLosses(Rs0=jnp.asarray(RS0), kind=kind)
     columns = [np.resize(values, NUM_ROWS) for values in (current, share, stator)]
@@ -163,7 +164,6 @@ def test_the_four_node_network_agrees_with_scipy(four_nodes):
 @pytest.mark.parametrize("law", LAWS)
 def test_the_simulation_passes_through_what_is_foretold(law, network):
     """The three answers and `simulate` are one right-hand side."""
-    losses = CopperLosses(Rs0=jnp.asarray(RS0), kind="map")
     effects = effects_of(law, network)
     rests, (limit,), (time,) = asked(law, "map", network, share=(0.6,))
     num = 30_000
@@ -173,25 +173,22 @@ def test_the_simulation_passes_through_what_is_foretold(law, network):
             ("current_squared", CURRENT**2), ("losses", POWER), ("ambient", SINK),
             ("speed", SPEED))},
     )  # fmt: skip
-    start = {"winding": SINK, "stator": SINK}
-    trace = simulate(network, losses, inputs, start, effects=effects)
+    trace = simulate(network, MAP, inputs, COLD, effects=effects)
     assert float(trace.temperature["winding"][1000]) == pytest.approx(limit, abs=1e-3)
     for node, (T,) in rests.items():
         assert float(trace.temperature[node][-1]) == pytest.approx(T, abs=1e-3)
 
 
 def test_what_never_gets_there_takes_for_ever(network):
-    losses = CopperLosses(Rs0=jnp.asarray(RS0), kind="map")
-    rest = steady_state(network, losses, drive())
-    cold = {"winding": SINK, "stator": SINK}
+    rest = steady_state(network, MAP, drive())
 
     def time(start, limit, **more):
-        return float(time_to(network, losses, drive(**more), start, node="winding", limit=limit))
+        return float(time_to(network, MAP, drive(**more), start, node="winding", limit=limit))
 
-    assert time(cold, float(rest["winding"]) + 1e-3) == np.inf
-    assert np.isfinite(time(cold, float(rest["winding"]) - 1e-3))
+    assert time(COLD, float(rest["winding"]) + 1e-3) == np.inf
+    assert np.isfinite(time(COLD, float(rest["winding"]) - 1e-3))
     assert time(rest, float(rest["winding"])) == 0.0
-    assert time(cold, 10.0) == 0.0
+    assert time(COLD, 10.0) == 0.0
     # cooling down, with nothing on
     assert time({"winding": 80.0, "stator": 80.0}, 90.0, current=0.0, power=0.0) == np.inf
     # a hot stator lifts a cold winding above where both come to rest
@@ -205,28 +202,26 @@ def test_what_never_gets_there_takes_for_ever(network):
 
 def test_a_winding_that_runs_away_has_no_rest_and_reaches_every_limit():
     C, R = 12_500.0, 0.132
-    losses = CopperLosses(Rs0=jnp.asarray(RS0), kind="map")
     network = lptn.first_order(C, R)
-    squared = 1.5 / R / float(losses.slope(jnp.asarray(1.0)))  # k R = 1.5
+    squared = 1.5 / R / float(MAP.slope(jnp.asarray(1.0)))  # k R = 1.5
     given = Drive.constant(current_squared=squared, losses=0.0, ambient=SINK)
-    assert np.isnan(steady_state(network, losses, given)["winding"])
-    time = time_to(network, losses, given, {"winding": SINK}, node="winding", limit=155.0)
+    assert np.isnan(steady_state(network, MAP, given)["winding"])
+    time = time_to(network, MAP, given, {"winding": SINK}, node="winding", limit=155.0)
     # C dT/dt = k (B + T) - (T - T0)/R = a + b (T - T0)
     a, b = 1.5 / R * (B + SINK), 0.5 / R
     expected = C / b * np.log1p(b * (155.0 - SINK) / a)
     assert float(time) == pytest.approx(expected, rel=1e-6)
-    at = linearise(network, losses, given, {"winding": SINK})
+    at = linearise(network, MAP, given, {"winding": SINK})
     assert lptn.time_constants(at.A)[0] == np.inf
     assert not jax.jit(lptn.is_stable)(at.A)
 
 
 def test_radiation_catches_a_winding_that_runs_away(network):
     """A second start from far above finds the equilibrium that Newton misses from the sink."""
-    losses = CopperLosses(Rs0=jnp.asarray(RS0), kind="map")
     k = 1.2 / (RW + RS)  # above 1/(RW + RS) the copper feeds itself
     current = np.sqrt(k * (B + TREF) / (3.0 * RS0))
     found, _, _ = asked("radiation", "map", network, current=(current,))
-    assert np.isnan(steady_state(network, losses, drive(current=current))["winding"])
+    assert np.isnan(steady_state(network, MAP, drive(current=current))["winding"])
     slope = rate("radiation", "map", current=current)
     last = solve_ivp(slope, (0.0, 2e5), [SINK, SINK], method="LSODA", rtol=1e-11, atol=1e-9)
     np.testing.assert_allclose([found["stator"][0], found["winding"][0]], last.y[:, -1], rtol=1e-7)
@@ -239,12 +234,11 @@ def steady_current(network, losses, drive, effects):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_the_current_that_holds_the_copper_at_a_limit(law, network):
-    losses = CopperLosses(Rs0=jnp.asarray(RS0), kind="map")
-    found = steady_current(network, losses, drive(), effects_of(law, network))
+    found = steady_current(network, MAP, drive(), effects_of(law, network))
     if law == "none":  # by hand: 155 = T0 + P R_s + k (B + 155)(R_w + R_s)
         by_hand = (155.0 - SINK - POWER * RS) / ((RW + RS) * 3 * RS0 * (B + 155) / (B + TREF))
         assert float(found.squared) == pytest.approx(by_hand, rel=1e-12)
-        bare = steady_current(network, losses, drive(), ())
+        bare = steady_current(network, MAP, drive(), ())
         assert float(bare.squared) == pytest.approx(by_hand, rel=1e-12)
     # the rest at currents a hundred millionth below and above it is on either side of the limit
     current = np.sqrt(float(found.squared))
@@ -265,61 +259,54 @@ def test_the_current_that_holds_the_copper_at_a_limit(law, network):
 @pytest.mark.parametrize("time", [0.0, 7200.0])
 def test_an_effect_of_time_stands_as_it_is_at_the_drives_instant(law, values, place, factor,
                                                                   time, network):  # fmt: skip
-    losses = CopperLosses(Rs0=jnp.asarray(RS0), kind="map")
     effects = (build(BY_ID[law], values, network),)
     then = {"Rw": RW, "Rs": RS}
     then[place] /= factor(time)
     same = lptn.second_order(CW, CS, then["Rw"], then["Rs"])
     at = drive(time=time)
-    got = steady_state(network, losses, at, effects=effects)
-    expected = steady_state(same, losses, drive())
+    got = steady_state(network, MAP, at, effects=effects)
+    expected = steady_state(same, MAP, drive())
     # 1e-9: at 3600 s from its moment the step is over to e^-240
     assert float(got["winding"]) == pytest.approx(float(expected["winding"]), rel=1e-9)
-    start = {"winding": SINK, "stator": SINK}
-    A = linearise(network, losses, at, start, effects=effects).A
-    np.testing.assert_allclose(A, linearise(same, losses, drive(), start).A, rtol=1e-9)
+    A = linearise(network, MAP, at, COLD, effects=effects).A
+    np.testing.assert_allclose(A, linearise(same, MAP, drive(), COLD).A, rtol=1e-9)
     times = [
-        float(time_to(*case, at, start, node="winding", limit=75.0, effects=more))
-        for case, more in (((network, losses), effects), ((same, losses), ()))
+        float(time_to(*case, at, COLD, node="winding", limit=75.0, effects=more))
+        for case, more in (((network, MAP), effects), ((same, MAP), ()))
     ]
     assert np.isfinite(times[0])
     assert times[0] == pytest.approx(times[1], rel=1e-9)
 
 
 def test_an_ambient_drift_is_the_sink_of_the_drives_instant(network):
-    losses = CopperLosses(Rs0=jnp.asarray(RS0), kind="map")
     effects = (build(BY_ID["ambient_drift"], {"d": 3.0, "tau": 2.0}, network),)
-    got = steady_state(network, losses, drive(time=7200.0), effects=effects)
-    expected = steady_state(network, losses, drive(sink=SINK + 6.0 * (1.0 - np.exp(-1.0))))
+    got = steady_state(network, MAP, drive(time=7200.0), effects=effects)
+    expected = steady_state(network, MAP, drive(sink=SINK + 6.0 * (1.0 - np.exp(-1.0))))
     assert float(got["winding"]) == pytest.approx(float(expected["winding"]), rel=1e-12)
 
 
 @pytest.mark.parametrize("law", ["time_shift", "sensor_lag"])
 def test_an_effect_on_the_sensor_does_not_enter(law, network):
     values = {"time_shift": {"d": 9.0}, "sensor_lag": {"tau": 20.0}}[law]
-    losses = CopperLosses(Rs0=jnp.asarray(RS0), kind="map")
-    start = {"winding": SINK, "stator": SINK}
 
     def both(effects):
-        at = (network, losses, drive())
-        time = time_to(*at, start, node="winding", limit=50.0, effects=effects)
+        at = (network, MAP, drive())
+        time = time_to(*at, COLD, node="winding", limit=50.0, effects=effects)
         return float(time), float(steady_state(*at, effects=effects)["winding"])
 
     assert both((build(BY_ID[law], values, network),)) == both(())
 
 
 def test_compiled_and_mapped_is_one_by_one(network):
-    losses = CopperLosses(Rs0=jnp.asarray(RS0), kind="map")
-    start = {"winding": SINK, "stator": SINK}
 
     def all_three(Rs, eA):
         network = lptn.second_order(CW, CS, RW, Rs)
         effects = (build(BY_ID["radiation"], {"eA": eA}, network),)
         at = drive(current=120.0)
-        rest = lptn.steady_state(network, losses, at, effects=effects)
-        time = lptn.time_to(network, losses, at, start, node="winding", limit=155.0,
+        rest = lptn.steady_state(network, MAP, at, effects=effects)
+        time = lptn.time_to(network, MAP, at, COLD, node="winding", limit=155.0,
                             effects=effects)  # fmt: skip
-        A = lptn.linearise(network, losses, at, start, effects=effects).A
+        A = lptn.linearise(network, MAP, at, COLD, effects=effects).A
         return rest["winding"], time, A
 
     Rs, eA = jnp.asarray([0.05, 0.1, 0.2]), jnp.asarray([0.0, 0.2, 0.4])
@@ -332,7 +319,7 @@ def test_compiled_and_mapped_is_one_by_one(network):
     network = lptn.second_order(CW, CS, RW, 0.2)
     effects = (build(BY_ID["radiation"], {"eA": 0.4}, network),)
     at = drive(current=120.0)
-    time = lptn.time_to(network, losses, at, start, node="winding", limit=155.0, effects=effects)
+    time = lptn.time_to(network, MAP, at, COLD, node="winding", limit=155.0, effects=effects)
     np.testing.assert_allclose(mapped[1][2], time, rtol=1e-9)
     assert lptn.time_constants(mapped[2]).shape == (3, 2)
     assert float(mapped[1][0]) == np.inf
@@ -341,13 +328,12 @@ def test_compiled_and_mapped_is_one_by_one(network):
 
 def test_wrong_questions_are_refused(network):
     losses = CopperLosses(Rs0=jnp.asarray(RS0))
-    start = {"winding": SINK, "stator": SINK}
     with pytest.raises(ValueError, match="no node 'rotor'"):
-        lptn.time_to(network, losses, drive(), start, node="rotor", limit=100.0)
+        lptn.time_to(network, losses, drive(), COLD, node="rotor", limit=100.0)
     with pytest.raises(ValueError, match="expected one for each node"):
         lptn.linearise(network, losses, drive(), {"winding": 20.0})
     with pytest.raises(ValueError, match="none of"):
-        lptn.linearise(network, losses, drive(), start | {"housing": 20.0})
+        lptn.linearise(network, losses, drive(), COLD | {"housing": 20.0})
     still = Drive.constant(current_squared=1e4, losses=300.0, ambient=20.0)
     with pytest.raises(ValueError, match="needs the channel speed_rpm"):
         lptn.steady_state(network, losses, still, effects=built("speed_cooling", network))
@@ -385,9 +371,8 @@ def test_the_state_matrix_of_two_nodes_is_that_by_hand(kind, network):
 
 @pytest.mark.parametrize("law", [law for law in LAWS if law not in ("none", "housing_node")])
 def test_the_state_matrix_with_an_effect_is_the_slope_of_the_law(law, network):
-    losses = CopperLosses(Rs0=jnp.asarray(RS0), kind="map")
     temperature = {"winding": 120.0, "stator": 85.0}
-    at = linearise(network, losses, drive(), temperature, effects=built(law, network))
+    at = linearise(network, MAP, drive(), temperature, effects=built(law, network))
     slope = rate(law, "map")
     np.testing.assert_allclose(at.A, jacobian(slope, [85.0, 120.0]), rtol=1e-7)
     value = np.asarray(at.A) @ [85.0, 120.0] + np.asarray(at.offset)
@@ -395,9 +380,8 @@ def test_the_state_matrix_with_an_effect_is_the_slope_of_the_law(law, network):
 
 
 def test_the_time_constants_of_a_housing_are_those_of_the_ladder(network):
-    losses = CopperLosses(Rs0=jnp.asarray(RS0), kind="map")
     effects = built("housing_node", network)
-    at = linearise(network, losses, drive(), {"winding": 20.0, "stator": 20.0}, effects=effects)
+    at = linearise(network, MAP, drive(), {"winding": 20.0, "stator": 20.0}, effects=effects)
     assert at.nodes == ("housing", "stator", "winding")
     ladder = np.linalg.eigvals(jacobian(rate("housing_node", "map"), [20.0, 20.0, 20.0]))
     np.testing.assert_allclose(lptn.time_constants(at.A), np.sort(-1.0 / ladder.real), rtol=1e-7)

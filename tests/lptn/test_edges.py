@@ -38,7 +38,6 @@ def exact(values, start, times, *, losses, ambient=20.0, k=0.0):
 
 
 def both(trace, at):
-    """The same of a simulation, at some edges."""
     return np.stack([np.asarray(trace.temperature[n])[at] for n in ("stator", "winding")], axis=-1)
 
 

@@ -47,7 +47,6 @@ def start_of(network):
 
 
 def build(kind, network=None, **values):
-    """An effect at its typical values, some of them replaced, tied to what the network has."""
     typical = {name: q.typical for name, q in kind.card.parameters.items()}
     typical |= {"t_star": 100.0} if "t_star" in typical else {}  # inside of the short record
     return build_effect(kind, typical | values, home(kind) if network is None else network)
@@ -91,8 +90,6 @@ def any_network(request, network, four_nodes):
 
 
 class Seen(NamedTuple):
-    """What a network does under an effect."""
-
     reading: Any  # At the edges [degC].
     temperature: Any  # By node, at the edges [degC].
     gap: Any  # Largest gap of the balance of energy against the heat put in [1].

@@ -8,35 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from compiled import constant, reading, simulate
+from written_balances import BY_ID
 
 import lptn
 from lptn import EFFECTS, CopperLosses
 from lptn.effects import applies, build, build_all
-from lptn.effects.bodies import EndWindingNode, HousingNode, NeighbourBody, RotorNode, WindingNode
-from lptn.effects.heat_paths import (
-    AmbientDrift,
-    AmbientRecirculation,
-    ContactDrift,
-    CoolantSink,
-    CoolingStep,
-    FanCooling,
-    InsulationConductivity,
-    NaturalConvection,
-    Radiation,
-    SpeedCooling,
-)
-from lptn.effects.losses import (
-    AcCopperLoss,
-    BearingFriction,
-    CopperCoefficient,
-    ExternalLoss,
-    IronLossInWinding,
-    LossGain,
-    StandbyLoss,
-    StrayLoadLoss,
-    WindingResistance,
-)
-from lptn.effects.sensors import SensorContact, SensorGain, TimeShift
+from lptn.effects.bodies import WindingNode
+from lptn.effects.sensors import TimeShift
 from lptn.stepping import heat_balance
 
 TEMPERATURE = {"winding": jnp.asarray(90.0), "stator": jnp.asarray(80.0)}
@@ -62,7 +40,7 @@ def moment(request, network):
     losses = CopperLosses(Rs0=jnp.asarray(0.0062), kind=request.param)
 
     def terms(kind=None, **values):
-        effects = [] if kind is None else [build(kind, values, network)]
+        effects = [] if kind is None else [build(BY_ID[kind], values, network)]
         return heat_balance(network, losses, effects, TEMPERATURE, MOMENT)
 
     return terms
@@ -75,14 +53,19 @@ def added(base, seen, node):
 @pytest.mark.parametrize(
     ("kind", "values", "link", "factor"),
     [
-        (FanCooling, {"g": 0.5}, SINK_PATH, 1.0 + 0.5 * 0.6),
-        (CoolingStep, {"k": 2.0, "t_star": 600.0}, SINK_PATH, 2.0),
-        (CoolingStep, {"k": 2.0, "t_star": 3000.0}, SINK_PATH, 1.0),
-        (CoolingStep, {"k": 2.0, "t_star": 1800.0}, SINK_PATH, 1.5),
+        ("fan_cooling", {"g": 0.5}, SINK_PATH, 1.0 + 0.5 * 0.6),
+        ("cooling_step", {"k": 2.0, "t_star": 600.0}, SINK_PATH, 2.0),
+        ("cooling_step", {"k": 2.0, "t_star": 3000.0}, SINK_PATH, 1.0),
+        ("cooling_step", {"k": 2.0, "t_star": 1800.0}, SINK_PATH, 1.5),
         # 60 K against the 40 K at which it holds, rounded off below 1 K
-        (NaturalConvection, {"f": 0.6, "n": 0.25}, SINK_PATH, 0.4 + 0.6 * (3601 / 1600) ** 0.125),
-        (InsulationConductivity, {"b": 0.004}, WINDING_PATH, 1.0 + 0.004 * 30.0),
-        (ContactDrift, {"d": 0.1}, WINDING_PATH, 1.0 / 1.05),
+        (
+            "natural_convection",
+            {"f": 0.6, "n": 0.25},
+            SINK_PATH,
+            0.4 + 0.6 * (3601 / 1600) ** 0.125,
+        ),
+        ("insulation_conductivity", {"b": 0.004}, WINDING_PATH, 1.0 + 0.004 * 30.0),
+        ("contact_drift", {"d": 0.1}, WINDING_PATH, 1.0 / 1.05),
     ],
 )
 def test_a_path_conducts_by_the_law(kind, values, link, factor, moment):
@@ -98,8 +81,8 @@ def test_a_path_conducts_by_the_law(kind, values, link, factor, moment):
 @pytest.mark.parametrize(
     ("kind", "values", "rise"),
     [
-        (CoolantSink, {"a": 0.4}, 0.4 * 15.0),
-        (AmbientDrift, {"d": -3.0, "tau": 2.0}, -6.0 * (1.0 - np.exp(-0.25))),
+        ("coolant_sink", {"a": 0.4}, 0.4 * 15.0),
+        ("ambient_drift", {"d": -3.0, "tau": 2.0}, -6.0 * (1.0 - np.exp(-0.25))),
     ],
 )
 def test_the_sink_sits_where_the_law_puts_it(kind, values, rise, moment):
@@ -111,24 +94,25 @@ def test_the_sink_sits_where_the_law_puts_it(kind, values, rise, moment):
 
 @pytest.mark.parametrize("order", [1, -1])
 def test_surfaces_see_the_sink_whatever_order_effects_are_named_in(network, order):
-    wanted = [(Radiation, {"eA": 0.3}), (CoolantSink, {"a": 0.4}),
-              (AmbientRecirculation, {"r": 0.01})][::order]  # fmt: skip
-    found = [effect.card.id for effect in build_all(wanted, network)]
+    wanted = [("radiation", {"eA": 0.3}), ("coolant_sink", {"a": 0.4}),
+              ("ambient_recirculation", {"r": 0.01})][::order]  # fmt: skip
+    effects = build_all([(BY_ID[kind], values) for kind, values in wanted], network)
+    found = [effect.card.id for effect in effects]
     assert found == ["ambient_recirculation", "coolant_sink", "radiation"]
 
 
 def test_recirculation_goes_with_all_losses(moment):
     total = 700.0 if moment().losses.kind == "balance" else 700.0 + COPPER_W
-    seen = moment(AmbientRecirculation, r=0.01)
+    seen = moment("ambient_recirculation", r=0.01)
     assert float(seen.sink) == pytest.approx(20.0 + 0.01 * total, rel=1e-12)
 
 
 @pytest.mark.parametrize(
     ("kind", "values", "watts"),
     [
-        (WindingResistance, {"g": 0.1}, 0.1 * COPPER_W),
-        (AcCopperLoss, {"k": 0.4}, 0.4 * COPPER_W * (0.5 * 259.5 / 324.5) ** 2),
-        (CopperCoefficient, {"dB": 10.0}, COPPER_W * (334.5 / 269.5 * 259.5 / 324.5 - 1.0)),
+        ("winding_resistance", {"g": 0.1}, 0.1 * COPPER_W),
+        ("ac_copper_loss", {"k": 0.4}, 0.4 * COPPER_W * (0.5 * 259.5 / 324.5) ** 2),
+        ("copper_coefficient", {"dB": 10.0}, COPPER_W * (334.5 / 269.5 * 259.5 / 324.5 - 1.0)),
     ],
 )
 def test_copper_losses_move_under_a_balance_and_add_under_a_map(kind, values, watts, moment):
@@ -141,25 +125,25 @@ def test_copper_losses_move_under_a_balance_and_add_under_a_map(kind, values, wa
 def test_other_losses_move_and_leave(moment):
     base, other = moment(), float(moment().other)
     put_in = float(sum(base.heat.values()))
-    stray = moment(StrayLoadLoss, k=100.0)
+    stray = moment("stray_load_loss", k=100.0)
     node = "winding" if base.losses.kind == "balance" else "stator"
     assert added(base, stray, node) == pytest.approx(100.0 * 0.25 * 0.5**1.5, rel=1e-9)
-    moved = moment(IronLossInWinding, k=40.0, n=1.3, m=-0.2)
+    moved = moment("iron_loss_in_winding", k=40.0, n=1.3, m=-0.2)
     assert added(base, moved, "winding") == pytest.approx(40.0 * 0.5**1.3 * 1.15)
     assert float(sum(moved.heat.values())) == pytest.approx(put_in)
-    none = moment(IronLossInWinding, k=40.0, n=-0.1, m=1.4)  # 0.25 of the load: less than none
+    none = moment("iron_loss_in_winding", k=40.0, n=-0.1, m=1.4)  # 0.25 of the load: less than none
     assert added(base, none, "winding") == 0.0
-    left = moment(ExternalLoss, k=0.1, m=1.0)
+    left = moment("external_loss", k=0.1, m=1.0)
     assert put_in - float(sum(left.heat.values())) == pytest.approx(0.1 * other * 0.5)
 
 
 @pytest.mark.parametrize(
     ("kind", "values", "watts"),
     [
-        (StandbyLoss, {"P0": 20.0}, 20.0),
-        (BearingFriction, {"T_f": 0.1, "kappa": 0.03}, 0.1 * 200.0 * math.exp(-0.03 * 60.0)),
-        (LossGain, {"g": 0.05}, 0.05 * 700.0),
-        (Radiation, {"eA": 0.5}, -0.5 * 5.670374419e-8 * (353.15**4 - 293.15**4)),
+        ("standby_loss", {"P0": 20.0}, 20.0),
+        ("bearing_friction", {"T_f": 0.1, "kappa": 0.03}, 0.1 * 200.0 * math.exp(-0.03 * 60.0)),
+        ("loss_gain", {"g": 0.05}, 0.05 * 700.0),
+        ("radiation", {"eA": 0.5}, -0.5 * 5.670374419e-8 * (353.15**4 - 293.15**4)),
     ],
 )
 def test_losses_that_change_the_total_heat_the_stator(kind, values, watts, moment):
@@ -172,9 +156,9 @@ def test_losses_that_change_the_total_heat_the_stator(kind, values, watts, momen
 @pytest.mark.parametrize(
     ("kind", "values", "expected"),
     [
-        (SensorContact, {"k": 0.25}, [57.5, 77.5]),
-        (SensorContact, {"k": -0.1}, [61.0, 95.0]),
-        (SensorGain, {"g": 0.02}, [60.0 + 0.02 * 40.0, 90.0 + 0.02 * 70.0]),
+        ("sensor_contact", {"k": 0.25}, [57.5, 77.5]),
+        ("sensor_contact", {"k": -0.1}, [61.0, 95.0]),
+        ("sensor_gain", {"g": 0.02}, [60.0 + 0.02 * 40.0, 90.0 + 0.02 * 70.0]),
     ],
 )
 def test_the_sensor_reads_by_the_law(kind, values, expected, network):
@@ -182,7 +166,7 @@ def test_the_sensor_reads_by_the_law(kind, values, expected, network):
     inputs = lptn.Inputs(jnp.asarray(2.0), nothing, nothing, jnp.full(1, 20.0))
     winding = jnp.asarray([60.0, 90.0])
     temperature = {"winding": winding, "stator": jnp.asarray([50.0, 40.0])}
-    seen = build(kind, values, network).observe(winding, temperature, inputs)
+    seen = build(BY_ID[kind], values, network).observe(winding, temperature, inputs)
     np.testing.assert_allclose(seen, expected, rtol=1e-12)
 
 
@@ -190,7 +174,7 @@ EQUAL = {"winding": 20.0, "stator": 20.0}
 
 
 def course(network, losses, inputs, kind, values):
-    effect = build(kind, values, network)
+    effect = build(BY_ID[kind], values, network)
     return effect, simulate(network, losses, inputs, EQUAL, effects=[effect])
 
 
@@ -206,7 +190,7 @@ def test_a_housing_is_a_ladder_as_seen_from_the_winding(network, losses, short):
                     ("housing", "ambient"): jnp.asarray(x * R)},
         share={"stator": jnp.asarray(1.0)},
     )  # fmt: skip
-    _, seen = course(network, losses, still, HousingNode, {"x": x, "tau": tau})
+    _, seen = course(network, losses, still, "housing_node", {"x": x, "tau": tau})
     expected = simulate(ladder, losses, still, {**EQUAL, "housing": 20.0})
     # two explicit third-order marches of different nodes: (2 s/97 s)^3/24 of 15 K at most
     np.testing.assert_allclose(seen.reading, expected.reading, atol=1e-5)
@@ -217,7 +201,7 @@ def test_a_housing_is_a_ladder_as_seen_from_the_winding(network, losses, short):
 
 def test_the_rotor_hands_on_what_it_gets(network, losses, short):
     values = {"P": 300.0, "rise": 40.0, "tau": 300.0, "n": 1.5, "m": 0.6}
-    _, trace = course(network, losses, short, RotorNode, values)
+    _, trace = course(network, losses, short, "rotor_node", values)
     drive = short.drive()
     rate = np.asarray(drive.speed) ** 1.5 * (0.4 + 0.6 * np.asarray(drive.current_ratio_squared))
     got = 300.0 * float(np.sum(rate) * short.step)
@@ -229,7 +213,7 @@ def test_the_rotor_hands_on_what_it_gets(network, losses, short):
 
 def test_overhang_and_slot_share_the_winding(network, losses, short):
     values = {"f": 0.4, "tau": 25.0, "p": 1.0}
-    effect, trace = course(network, losses, short, EndWindingNode, values)
+    effect, trace = course(network, losses, short, "end_winding_node", values)
     extended = effect.extend(network)
     assert float(extended.capacitance["winding"]) == pytest.approx(0.6 * 666.75)
     assert float(extended.capacitance["overhang"]) == pytest.approx(0.4 * 666.75)
@@ -276,13 +260,13 @@ START = {"winding": jnp.asarray(21.0)}
 BOTH = {"winding": jnp.asarray(21.0), "stator": jnp.asarray(21.0)}
 
 BESIDE = [
-    (SpeedCooling, {"g": 1.5, "m": 0.8}),
-    (AcCopperLoss, {"k": 0.5}),
-    (NeighbourBody, {"C": 5000.0, "tau": 1500.0}),
-    (HousingNode, {"x": 0.4, "tau": 300.0}),
-    (RotorNode, {"P": 40.0, "rise": 9.0, "tau": 900.0, "n": 1.0, "m": 0.5}),
+    ("speed_cooling", {"g": 1.5, "m": 0.8}),
+    ("ac_copper_loss", {"k": 0.5}),
+    ("neighbour_body", {"C": 5000.0, "tau": 1500.0}),
+    ("housing_node", {"x": 0.4, "tau": 300.0}),
+    ("rotor_node", {"P": 40.0, "rise": 9.0, "tau": 900.0, "n": 1.0, "m": 0.5}),
 ]
-NAMES = [kind.card.id for kind, _ in BESIDE]
+NAMES = [kind for kind, _ in BESIDE]
 
 
 @pytest.mark.parametrize("loss_kind", ["balance", "map"])
@@ -307,8 +291,8 @@ def test_the_first_order_with_it_is_the_second(loss_kind, short):
 )  # fmt: skip
 def test_at_its_null_any_other_effect_does_what_it_does_to_one_node(kind, values, short, losses):
     """A winding that is not there must not bend the signature of what is."""
-    gone = [(WindingNode, {"x": 0.0, "tau": 80.0}), (kind, values)]
-    alone = reading(ONE, losses, short, START, effects=[build(kind, values, ONE)])
+    gone = [(WindingNode, {"x": 0.0, "tau": 80.0}), (BY_ID[kind], values)]
+    alone = reading(ONE, losses, short, START, effects=[build(BY_ID[kind], values, ONE)])
     both = reading(ONE, losses, short, START, effects=build_all(gone, ONE))
     # 1e-12 W/K or shares keep gradients finite
     np.testing.assert_allclose(both, alone, rtol=0.0, atol=1e-8)
@@ -318,10 +302,10 @@ def test_at_its_null_any_other_effect_does_what_it_does_to_one_node(kind, values
 def test_beside_it_any_other_effect_does_what_it_does_to_two_nodes(place, short, losses):
     """Named before it or after it, in turn."""
     kind, values = BESIDE[place]
-    wanted = [(WindingNode, SAME), (kind, values)][:: -1 if place % 2 else 1]
+    wanted = [(WindingNode, SAME), (BY_ID[kind], values)][:: -1 if place % 2 else 1]
     second = lptn.second_order(Ceq_w, Ceq_sr, Req_w, Req_sr)
     both = reading(ONE, losses, short, START, effects=build_all(wanted, ONE))
-    expected = reading(second, losses, short, BOTH, effects=[build(kind, values, second)])
+    expected = reading(second, losses, short, BOTH, effects=[build(BY_ID[kind], values, second)])
     np.testing.assert_allclose(both, expected, rtol=0.0, atol=1e-8)
 
 

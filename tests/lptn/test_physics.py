@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from compiled import constant, reading, reference, simulate
+from written_balances import corrected
 
 import lptn
 from lptn import ALUMINIUM_COEFFICIENT, COPPER_COEFFICIENT, CopperLosses, Drive, Inputs, copper_loss
@@ -74,12 +75,6 @@ def test_an_added_node_takes_its_share_of_the_losses(network, losses, short, sta
 
 
 def test_corrections_of_the_instruments_are_corrections_of_the_inputs(network, short, start):
-    corrected = CopperLosses(
-        Rs0=jnp.asarray(0.0062),
-        power_gain=jnp.asarray(0.03),
-        torque_offset=jnp.asarray(0.2),
-        ambient_offset=jnp.asarray(-0.7),
-    )
     assert short.speed is not None
     by_hand = Inputs(
         step=short.step,
@@ -87,7 +82,7 @@ def test_corrections_of_the_instruments_are_corrections_of_the_inputs(network, s
         losses=jnp.asarray(1.03 * np.asarray(short.losses) - 0.2 * np.asarray(short.speed)),
         ambient=jnp.asarray(np.asarray(short.ambient) - 0.7),
     )
-    one = reading(network, corrected, short, start)
+    one = reading(network, corrected(), short, start)
     two = reading(network, CopperLosses(Rs0=jnp.asarray(0.0062)), by_hand, start)
     np.testing.assert_allclose(one, two, rtol=1e-12)
 

@@ -1,15 +1,14 @@
 """The simulation, and what is folded from it without being stored."""
 
 from functools import partial
-from itertools import pairwise
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from compiled import constant, reading, reference, simulate
-from scipy.integrate import solve_ivp
+from compiled import constant, reading, simulate
+from written_balances import corrected
 
 import lptn
 from lptn import CopperLosses, first_order, longest_step, second_order
@@ -32,44 +31,11 @@ def test_one_node_follows_the_exponential_at_third_order():
     assert errors[0] / errors[1] == pytest.approx(8.0, rel=0.05)
 
 
-def test_second_order_agrees_with_scipy(network, losses, short, start):
-    Cw, Cs = 666.75, 15060.1
-    Rw, Rs = 0.14485, 0.11625
-
-    def slope(time, T):
-        index = min(int(time / float(short.step)), short.num_time - 1)
-        k = 3 * 0.0062 / 259.5 * float(short.current_squared[index])
-        copper = k * (234.5 + T[0])
-        flow = (T[0] - T[1]) / Rw
-        out = (T[1] - float(short.ambient[index])) / Rs
-        return [(copper - flow) / Cw, (float(short.losses[index]) - copper + flow - out) / Cs]
-
-    edges = np.asarray(short.edges())
-    T = np.array([22.0, 20.0])
-    for begin, end in pairwise(edges):
-        middle = 0.5 * (begin + end)
-        solution = solve_ivp(lambda t, y, m=middle: slope(m, y), (begin, end), T, method="DOP853",
-                             rtol=1e-12, atol=1e-12)  # fmt: skip
-        T = solution.y[:, -1]
-    exact = reference(network, losses, short, start)
-    assert float(exact.temperature["winding"][-1]) == pytest.approx(T[0], abs=1e-8)
-    assert float(exact.temperature["stator"][-1]) == pytest.approx(T[1], abs=1e-8)
-
-
 def test_affine_and_general_steps_are_the_same(network, regroup, start):
-    losses = CopperLosses(
-        Rs0=jnp.asarray(0.0062),
-        power_gain=jnp.asarray(0.03),
-        torque_offset=jnp.asarray(0.2),
-        ambient_offset=jnp.asarray(-0.7),
-    )
     for kind in ("balance", "map"):
-        chosen = CopperLosses(
-            losses.Rs0, kind=kind, power_gain=losses.power_gain,
-            torque_offset=losses.torque_offset, ambient_offset=losses.ambient_offset,
-        )  # fmt: skip
-        affine = simulate(network, chosen, regroup(group=20), start)
-        general = simulate(network, chosen, regroup(group=20, unequal=True), start)
+        losses = corrected(kind)
+        affine = simulate(network, losses, regroup(group=20), start)
+        general = simulate(network, losses, regroup(group=20, unequal=True), start)
         for node in ("winding", "stator"):
             gap = np.abs(np.subtract(affine.temperature[node], general.temperature[node]))
             assert np.max(gap) < 1e-9  # rounding over 2,292 steps

@@ -72,14 +72,7 @@ DUTIES: dict[str, tuple[tuple[float, float], ...]] = {
 def bench_record(
     machine: Machine, duty: str = "steps", *, seed: int = 0, hours: float | None = None
 ) -> dict[str, np.ndarray]:
-    """Return the channels of a test: rms current, W, degC, rpm, Nm, s.
-
-    Args:
-        machine: One of `MACHINES`.
-        duty: Key of `DUTIES`.
-        seed: Of the instruments' noise.
-        hours: Length of the test [h]; by default what such a machine takes.
-    """
+    """Return the channels of a test: rms current, W, degC, rpm, Nm, s."""
     rng = np.random.default_rng(seed)
     seconds = machine.minutes * 60.0 if hours is None else hours * 3600.0
     time_s = np.arange(0.0, seconds, machine.step_s)
@@ -111,7 +104,6 @@ def bench_record(
 
 
 def cooling_record(machine: Machine, *, seed: int = 0) -> dict[str, np.ndarray]:
-    """Return a cool-down without current from a hot start, as `bench_record`."""
     rng = np.random.default_rng(seed)
     time_s = np.arange(0.0, machine.minutes * 60.0, machine.step_s)
     nothing = np.zeros(time_s.size)
@@ -204,12 +196,7 @@ def drawn_record(machine: Machine, seed: int, *, slow: bool = False) -> dict[str
 
 
 def outrunner(grams: float, seconds: float) -> Machine:
-    """Return a drone's motor in the wash of its propeller.
-
-    Args:
-        grams: Of its winding.
-        seconds: Time constant of the whole.
-    """
+    """Return a drone's motor in the wash of its propeller."""
     C_winding, C_stator = 0.385 * grams, 1.1 * grams
     R_sink = seconds / (C_winding + C_stator)
     watts = 40.0 / R_sink  # of which copper makes four fifths at 1 ohm

@@ -180,7 +180,6 @@ def test_a_wrong_unit_is_named(case, machine):
 
 
 def from_load_on(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """A record without what was before the load."""
     is_loaded = columns["losses_W"] > 0.1 * np.max(columns["losses_W"])
     first = max(0, int(np.argmax(is_loaded)) - 1)
     kept = {name: values[first:] for name, values in columns.items()}

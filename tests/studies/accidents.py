@@ -110,11 +110,9 @@ class Bench:
         return int(np.argmax(rise))  # of short loads, the end of the hottest
 
     def after(self, place: int, seconds: float) -> int:
-        """Return the place so many seconds later."""
         return int(min(np.searchsorted(self.time, self.time[place] + seconds), self.time.size - 1))
 
     def write(self, folder: Path) -> Path:
-        """Write motor file and record; return the path of the record."""
         path = folder / "test.csv"
         table = pd.DataFrame(self.columns).rename(columns=HEADINGS)
         table.to_csv(path, index=False, float_format="%.9g")
@@ -382,7 +380,6 @@ def doubts(row: Row) -> list[str]:
 
 
 def is_caught(row: Row) -> bool:
-    """Return whether anything was said of an accident."""
     return bool(doubts(row))
 
 
@@ -406,7 +403,6 @@ def num_beside(row: Row) -> int:
 
 
 def table(rows: Sequence[Row], seed: int) -> str:
-    """Return the report of a study."""
     clean = [row for row in rows if not row["accident"]]
     accused = [row for row in clean if doubts(row)]
     low, high = limits_95(len(accused), max(len(clean), 1))
@@ -427,31 +423,21 @@ def table(rows: Sequence[Row], seed: int) -> str:
         "| accident | records | caught | named rightly | with a finding beside |",
         "|---|---:|---:|---:|---:|",
     ]
-    for name in ACCIDENTS:
-        of_kind = [row for row in rows if row["accident"] == name]
-        counts = (
-            sum(is_caught(row) for row in of_kind),
-            sum(is_named(row) for row in of_kind),
-            sum(num_beside(row) > 0 for row in of_kind),
-        )
-        lines.append(f"| {name} | {len(of_kind)} | {' | '.join(map(str, counts))} |")
-    all_struck = [row for row in rows if row["accident"]]
-    lines.append(
-        f"| **all** | {len(all_struck)} | {sum(map(is_caught, all_struck))} | "
-        f"{sum(map(is_named, all_struck))} | "
-        f"{sum(num_beside(row) > 0 for row in all_struck)} |"
-    )
+    of_each = {name: [row for row in rows if row["accident"] == name] for name in ACCIDENTS}
+    of_each["**all**"] = [row for row in rows if row["accident"]]
+    for name, struck in of_each.items():
+        beside = sum(num_beside(row) > 0 for row in struck)
+        counts = len(struck), sum(map(is_caught, struck)), sum(map(is_named, struck)), beside
+        lines.append(f"| {name} | {' | '.join(map(str, counts))} |")
     return "\n".join(lines) + "\n"
 
 
 def struck(job: Row) -> Row:
-    """Return the row of a case, in a folder of its own."""
     with tempfile.TemporaryDirectory() as folder:
         return run(job, Path(folder))
 
 
 def main() -> None:
-    """Run the cases that are left, and write rows and table."""
     options = options_of(__doc__, "accidents", REPORTING_SEED, clean=240, each=6).parse_args()
     names = [""] * options.clean + [name for name in ACCIDENTS for _ in range(options.each)]
     jobs = [{"accident": name, "seed": options.seed + n} for n, name in enumerate(names)]

@@ -11,7 +11,6 @@ NAME = "synthetic_bench"
 
 
 def bench() -> ModuleType:
-    """Return the package of the simulated bench, loaded from its folder."""
     if NAME not in sys.modules:
         folder = Path(__file__).parents[2] / "data" / "synthetic" / "generator"
         spec = importlib.util.spec_from_file_location(NAME, folder / "__init__.py")
@@ -29,7 +28,6 @@ def hidden_bench() -> ModuleType:
 
 
 def write_motor(case: Any, folder: Path) -> None:
-    """Write the motor file of a case of the bench with hidden causes as `motor.toml`."""
     machine = case.machine
     (folder / "motor.toml").write_text(
         f'[motor]\nname = "study"\nlosses = "{case.losses}"\n'

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from bodies_cases import KINDS, jobs, run
-from gate_rows import at_least, at_most, heads, in_band, limits_95
+from gate_rows import at_least, at_most, covers, heads, in_band, is_far, limits_95
 from study_runs import Row, options_of, run_study
 
 REPORTING_SEED = 400_000
@@ -83,7 +83,6 @@ def table(rows: Sequence[Row], command: str, seed: int, planned: int) -> str:
 
 
 def is_trouble(row: Row) -> bool:
-    """Return whether a case hides what was not declared."""
     return (row["kind"], row["variant"]) in TROUBLE
 
 
@@ -98,20 +97,8 @@ def _is_refused(row: Row) -> bool:
     return row["exit_code"] not in (0, None)
 
 
-def covers(row: Row, name: str) -> bool:
-    """Return whether a parameter is in its 95 % interval."""
-    low, high = row["interval_95"][name]
-    return low <= row["truth"][name] <= high
-
-
-def is_off(row: Row, name: str) -> bool:
-    """Return whether a parameter is more than 3 standard deviations off, and not covered."""
-    distance = abs(row["value"][name] - row["truth"][name])
-    return distance > 3.0 * row["sd"][name] and not covers(row, name)
-
-
 def _far(row: Row) -> bool:
-    return any(is_off(row, name) for name in row["truth"])
+    return any(is_far(row, name) and not covers(row, name) for name in row["truth"])
 
 
 def _outside(row: Row) -> bool:
@@ -228,7 +215,6 @@ def _parameters(rows: Sequence[Row]) -> list[str]:
 
 
 def _refusals(refused: Sequence[Row], broken: Sequence[Row]) -> list[str]:
-    """Return the sentences of refusals, and the last line of tracebacks."""
     lines = []
     if refused:
         lines += ["", "Refused:", ""]

@@ -4,7 +4,6 @@ Loads are staircases, drive cycles, short tests, heaters. Each case is written a
 motor file, goes through the command, and is read back from its run folder.
 """
 
-import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -30,7 +29,7 @@ from bodies_machines import (
     two_nodes,
     with_housing,
 )
-from study_runs import command
+from study_runs import command, temporary
 
 KINDS: dict[str, tuple[str, ...]] = {
     "second body": ("as declared", "lag 30 s", "offset 2 K", "housing named stator"),
@@ -52,8 +51,6 @@ Channels = dict[str, np.ndarray]
 
 @dataclass(frozen=True)
 class Case:
-    """A machine on a bench."""
-
     tests: list[Channels]  # Columns of each test; the last is held out if there are two.
     motor: str  # Text of the motor file.
     model: str  # Network that is fitted.
@@ -123,7 +120,6 @@ def torque_gain(variant: str, rng: np.random.Generator) -> Case:
 
 
 def heat_or_copper(variant: str, rng: np.random.Generator) -> Case:
-    """Return a block with a heater, or a coil under direct current."""
     bench = drawn_bench(rng)
     if variant == "heater":
         machine = one_node(rng)
@@ -153,14 +149,12 @@ def heat_or_copper(variant: str, rng: np.random.Generator) -> Case:
 
 
 def short_test(variant: str, rng: np.random.Generator) -> Case:
-    """Return a machine that was tested for some minutes."""
     machine, bench = two_nodes(rng), drawn_bench(rng)
     tests = read(machine, (short(rng, 60.0 * float(variant.split()[0])),), bench, rng)
     return Case(tests, motor_text(machine, bench), "second", second_order(machine))
 
 
 def four(variant: str, rng: np.random.Generator) -> Case:
-    """Return a machine of four nodes of which winding, tooth and yoke are measured."""
     machine, bench = four_nodes(rng), drawn_bench(rng)
     bodies = {f"{node}_degC": (node, drawn_sensor(rng)) for node in ("tooth", "yoke")}
     tests = read(machine, (staircase(rng), cycle(rng)), bench, rng, bodies)
@@ -207,7 +201,6 @@ def simulated(
 
 
 def second_order(machine: Machine) -> dict[str, float]:
-    """Return the true parameters of the two-node network."""
     return {
         "Ceq_w": machine.capacity["winding"],
         "Ceq_sr": machine.capacity["stator"],
@@ -217,7 +210,6 @@ def second_order(machine: Machine) -> dict[str, float]:
 
 
 def motor_text(machine: Machine, bench: Bench, losses: str = "balance") -> str:
-    """Return the motor file, with the resistance as it was measured."""
     return (
         f'[motor]\nname = "study"\nphases = {machine.phases}\nlosses = "{losses}"\n'
         f"rated_speed_rpm = {machine.rated_rpm:.1f}\n[winding]\n"
@@ -226,7 +218,6 @@ def motor_text(machine: Machine, bench: Bench, losses: str = "balance") -> str:
 
 
 def write_case(case: Case, folder: Path) -> list[str]:
-    """Write motor file and records of a case; return the arguments of the command."""
     (folder / "motor.toml").write_text(case.motor, encoding="utf-8")
     paths = [folder / f"test_{number + 1}.csv" for number in range(len(case.tests))]
     for path, test in zip(paths, case.tests, strict=True):
@@ -239,10 +230,8 @@ def write_case(case: Case, folder: Path) -> list[str]:
 
 
 def run(job: dict[str, Any]) -> dict[str, Any]:
-    """Run one case through the command and return its row."""
     case = make(job["kind"], job["variant"], job["seed"])
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary() as folder:
         arguments = write_case(case, folder)
         begin = time.process_time()
         code, said = command(arguments)
@@ -255,7 +244,6 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
 
 
 def described(folder: Path, case: Case) -> dict[str, Any]:
-    """Return what a run says of the parameters and of the held-out test."""
     import heatrun
 
     run = heatrun.open_run(folder)
@@ -332,7 +320,6 @@ def on_and_off(rng: np.random.Generator, seconds: float = 7200.0) -> Duty:
 
 
 def heated(duty: Duty) -> Duty:
-    """Return the loads of a heater, whose power takes the steps of a current."""
     still = np.zeros_like(duty.current)
     return Duty(duty.edges_s, still, still, still, duty.current)
 

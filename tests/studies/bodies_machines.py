@@ -23,8 +23,6 @@ Sink = Callable[[float], float]
 
 @dataclass(frozen=True)
 class Machine:
-    """A body of several nodes."""
-
     watts: float  # Losses at rated load [W].
     capacity: Mapping[str, float]  # Heat capacity by node [J/K].
     # Resistance by pair of nodes, one of which may be the sink [K/W].
@@ -41,7 +39,6 @@ class Machine:
 
     @property
     def rated_A(self) -> float:
-        """Rated phase current [A]."""
         return float(np.sqrt(self.watts))
 
     @property
@@ -51,7 +48,6 @@ class Machine:
         return self.copper_share * self.watts / (self.phases * self.rated_A**2 * warm)
 
     def copper_W(self, current_A: np.ndarray, winding_degC: np.ndarray) -> np.ndarray:
-        """Return the copper loss [W]."""
         warm = (COPPER_DEGC + winding_degC) / (COPPER_DEGC + REFERENCE_DEGC)
         return self.phases * current_A**2 * self.ohm * warm
 
@@ -67,7 +63,6 @@ class Duty:
     other: np.ndarray  # Losses other than copper over rated [1].
 
     def held(self, time_s: np.ndarray) -> np.ndarray:
-        """Return which load is on at each time."""
         place = np.searchsorted(self.edges_s, time_s, side="right") - 1
         return np.minimum(place, self.current.size - 1)
 
@@ -87,13 +82,7 @@ class Courses:
 
 
 def simulate(machine: Machine, duty: Duty, sink: Sink) -> Courses:
-    """Integrate a machine from equilibrium with its sink, exactly from step to step of the load.
-
-    Args:
-        machine: The machine.
-        duty: Its loads.
-        sink: Temperature of the sink over time [degC].
-    """
+    """Integrate a machine from equilibrium with its sink, exactly from step to step of the load."""
     nodes = machine.nodes
     capacity = np.array([machine.capacity[node] for node in nodes])
     share = np.array([machine.shares.get(node, 0.0) for node in nodes])
@@ -150,13 +139,11 @@ def drawn_size(rng: np.random.Generator) -> tuple[float, float, float]:
 
 
 def one_node(rng: np.random.Generator) -> Machine:
-    """Return a block with a heater."""
     watts, capacity, resistance = drawn_size(rng)
     return Machine(watts, {"block": capacity}, {("block", SINK): resistance}, {"block": 1.0}, 0.0)
 
 
 def two_nodes(rng: np.random.Generator, *, copper_share: float | None = None) -> Machine:
-    """Return a machine of winding and stator."""
     watts, capacity, resistance = drawn_size(rng)
     copper_share = rng.uniform(0.3, 0.7) if copper_share is None else copper_share
     in_winding = rng.uniform(0.03, 0.10)
@@ -185,7 +172,6 @@ def with_housing(machine: Machine, rng: np.random.Generator) -> Machine:
 
 
 def four_nodes(rng: np.random.Generator) -> Machine:
-    """Return a machine of winding, tooth, yoke and rotor."""
     watts, capacity, resistance = drawn_size(rng)
     copper_share = rng.uniform(0.3, 0.7)
     winding, tooth, rotor = rng.uniform([0.03, 0.15, 0.2], [0.10, 0.25, 0.35])
@@ -213,14 +199,11 @@ NOISE_SHARE = 1e-3
 
 @dataclass(frozen=True)
 class Sensor:
-    """The sensor of a body."""
-
     gain: float  # Relative error of the rise [1].
     offset_K: float  # Offset [K].
     lag_s: float  # Time constant [s].
 
     def read(self, rng: np.random.Generator, courses: Courses, degC: np.ndarray) -> np.ndarray:
-        """Return the readings of a body's temperature [degC]."""
         seen = lagging(degC, self.lag_s) if self.lag_s > 0.0 else degC
         rise = seen - courses.sink_degC
         return rounded(rng, courses.sink_degC + (1.0 + self.gain) * rise + self.offset_K)
@@ -269,7 +252,6 @@ def rounded(rng: np.random.Generator, degC: np.ndarray) -> np.ndarray:
 
 
 def wandering(rng: np.random.Generator, time_s: np.ndarray) -> np.ndarray:
-    """Return the slow wander of a wattmeter [1]."""
     period, phase = rng.uniform(1200.0, 3600.0), rng.uniform(0.0, 2.0 * np.pi)
     return 2e-3 * np.sin(2.0 * np.pi * time_s / period + phase)
 
@@ -288,7 +270,6 @@ def channels(rng: np.random.Generator, courses: Courses, bench: Bench) -> dict[s
 
 
 def losses(rng: np.random.Generator, courses: Courses, bench: Bench) -> np.ndarray:
-    """Return the losses as they are measured [W]."""
     true = courses.copper_W + courses.other_W
     seen = true * (1.0 + bench.loss_gain + wandering(rng, courses.time_s))
     return seen * (1.0 + NOISE_SHARE * rng.standard_normal(true.size))

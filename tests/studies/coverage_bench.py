@@ -52,15 +52,12 @@ class Errors:
 
     @classmethod
     def drawn(cls, scores: np.ndarray, sd: Mapping[str, float]) -> Errors:
-        """Return errors of given standard deviations for their standard scores."""
         names = cls.__dataclass_fields__
         return cls(**{name: float(sd[name] * z) for name, z in zip(names, scores, strict=True)})
 
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """Noise of the winding sensor."""
-
     sd_K: float  # Standard deviation of the Ornstein-Uhlenbeck part [K].
     time_s: float  # Its correlation time [s].
     white_sd_K: float  # Standard deviation of the white part of one sample at 1 Hz [K].
@@ -86,7 +83,6 @@ class SensorNoise:
         return rng.standard_t(3.0, num) / np.sqrt(3.0)  # of variance 1
 
     def rounded(self, reading: np.ndarray) -> np.ndarray:
-        """Return readings as the logger writes them [degC]."""
         steps = reading / self.resolution_K
         return self.resolution_K * (np.floor(steps) if self.truncates else np.rint(steps))
 
@@ -113,8 +109,6 @@ class HiddenHeat:
 
 @dataclass(frozen=True)
 class Simulated:
-    """One test as the bench wrote it, with its truth."""
-
     channels: dict[str, np.ndarray]  # Canonical channels, each of shape (time,).
     # What the sensor would read without noise and rounding, shape (reading,).
     sensor_degC: np.ndarray
@@ -132,19 +126,7 @@ def run_test(
     stator_above_K: float = 0.0,
     heat: HiddenHeat | None = None,
 ) -> Simulated:
-    """Return one test of a machine.
-
-    Args:
-        machine: Of the simulated bench.
-        kind: Name of its profile.
-        duration_s: Length [s].
-        errors: Constant errors of the bench.
-        noise: Of the winding sensor.
-        rng: Source of chance.
-        period_s: Sampling period of the electrical channels [s].
-        stator_above_K: Stator over winding at the start, which is at ambient temperature [K].
-        heat: Heat that no instrument sees; None for none.
-    """
+    """Return one test of a machine."""
     source = bench()
     cold = float(source.Room().temperature(np.zeros(1))[0])
     of_winding, of_ambient, of_current, of_power, of_heat = rng.spawn(5)
@@ -186,11 +168,7 @@ def run_test(
 
 
 def time_constants(values: Mapping[str, Any]) -> dict[str, np.ndarray]:
-    """Return products and eigenvalues of the network as time constants [s], over draws.
-
-    Args:
-        values: `Ceq_w, Ceq_sr, Req_w, Req_sr`, scalars or of shape (draw,).
-    """
+    """Return products and eigenvalues of the network as time constants [s], over draws."""
     C_w, C_sr, R_w, R_sr = (np.asarray(values[n]) for n in ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr"))
     sum_of_times = C_sr * R_sr + C_w * (R_w + R_sr)
     product = C_w * R_w * C_sr * R_sr
@@ -204,7 +182,6 @@ def time_constants(values: Mapping[str, Any]) -> dict[str, np.ndarray]:
 
 
 def nearest_duration(machine: Any, spans: float) -> float:
-    """Return the length of test [s] nearest to so many slow time constants of a machine."""
     network = {name: getattr(machine, name) for name in ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")}
     wanted = spans * float(time_constants(network)["tau_slow"])
     return min(DURATIONS_S, key=lambda duration: abs(np.log(duration / wanted)))

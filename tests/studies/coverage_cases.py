@@ -65,8 +65,6 @@ NUM_NORMAL = 4000
 
 @dataclass(frozen=True)
 class Cell:
-    """One kind of record and what the fit is told about it."""
-
     # Standard deviations of the type B errors drawn.
     errors: Mapping[str, float] = field(default_factory=lambda: NONE)
     # What the motor file says of parameters.
@@ -110,8 +108,6 @@ CELLS: dict[str, Cell] = {
 
 @dataclass(frozen=True)
 class Case:
-    """A record to calibrate on, one to predict, and the truth."""
-
     motor: Motor
     machine: Any
     noise: SensorNoise
@@ -124,7 +120,6 @@ class Case:
 
 
 def make_case(cell: Cell, seed: int, index: int) -> Case:
-    """Return record `index` of a cell."""
     of_motor, of_plan, of_errors, of_test, of_held_out = np.random.default_rng([seed, index]).spawn(
         5
     )
@@ -188,7 +183,6 @@ def _machine_from_prior(rng: np.random.Generator) -> tuple[Any, dict[str, Parame
 
 
 def _noise_from_prior(rng: np.random.Generator) -> tuple[SensorNoise, HiddenHeat]:
-    """Return noise and hidden heat inside the ends of their priors."""
     while True:
         scores = rng.standard_normal(len(NOISE))
         if np.all(scores <= LARGEST_SCORES):
@@ -201,11 +195,7 @@ def _noise_from_prior(rng: np.random.Generator) -> tuple[SensorNoise, HiddenHeat
 
 
 def run(job: Mapping[str, Any]) -> dict[str, Any]:
-    """Run one record and return its row.
-
-    Args:
-        job: `cell`, `seed`, `index`, and whether `emcee` is run as well.
-    """
+    """Run one record and return its row."""
     cell = CELLS[job["cell"]]
     case = make_case(cell, job["seed"], job["index"])
     begin, cpu = time.perf_counter(), time.process_time()
@@ -306,7 +296,6 @@ def _sd_of(found: Fit) -> dict[str, float]:
 def _judged(
     posterior: Posterior, held_out: Blocks, case: Case, true: Mapping[str, float]
 ) -> dict[str, Any]:
-    """Return ranks, widths and what became of the prediction."""
     draws = _with_times(posterior.values())
     size = posterior.fit.problem.num_parameters
     for position, parameter in enumerate(NOISE):

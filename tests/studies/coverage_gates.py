@@ -40,17 +40,14 @@ def rank(rows: Sequence[Row], method: str, quantity: str) -> np.ndarray:
 
 
 def coverage(ranks: np.ndarray, level: float) -> float:
-    """Return how often the central interval of a level holds the truth [1]."""
     return float(np.mean(np.abs(ranks - 0.5) <= 0.5 * level))
 
 
 def binomial_limits(share: float, num: int) -> tuple[float, float]:
-    """Return the 95 % limits of a probability of which `share` was seen in `num` trials."""
     return limits_95(round(share * num), num)
 
 
 def histogram(ranks: np.ndarray) -> np.ndarray:
-    """Return the counts of ranks in equal bins."""
     return np.histogram(ranks, bins=NUM_BINS, range=(0.0, 1.0))[0]
 
 
@@ -73,14 +70,12 @@ def envelope(num: int, num_histograms: int) -> tuple[int, int]:
 
 
 def is_inside(ranks: np.ndarray, num_histograms: int) -> bool:
-    """Whether a histogram keeps inside the envelope of so many."""
     low, high = envelope(ranks.size, num_histograms)
     counts = histogram(ranks)
     return bool(np.all(counts >= low) and np.all(counts <= high))
 
 
 def gates(rows: Sequence[Row]) -> list[Row]:
-    """Return each gate with what was measured, its binomial limits and whether it holds."""
     found = []
     for cell, wanted in FEWEST.items():
         num = sum(cell in ("all", row["cell"]) for row in rows)
@@ -153,7 +148,6 @@ COLOURS = ("#1f4e79", "#c55a11", "#548235", "#7f6000")
 
 
 def draw_coverage(rows: Sequence[Row], path: Path) -> None:
-    """Draw the coverage of 95 % intervals by cell and parameter, with binomial limits."""
     figure = Figure(figsize=(9.0, 6.0), layout="constrained")
     axis = figure.subplots()
     shown = [cell for cell in CELLS if chosen(rows, cell, "quick")]
@@ -177,7 +171,6 @@ def draw_coverage(rows: Sequence[Row], path: Path) -> None:
 
 
 def draw_ranks(rows: Sequence[Row], path: Path) -> None:
-    """Draw the rank histograms of the draws from the prior with their envelope."""
     drawn = chosen(rows, "prior draws", "quick")
     if not drawn:
         return

@@ -21,6 +21,7 @@ import numpy as np
 from coverage_gates import (
     GROUPS,
     LEVELS,
+    MISSPECIFIED,
     NETWORK,
     TIMES,
     binomial_limits,
@@ -42,20 +43,11 @@ TUNING_SEED = 1_000
 REPORTING_SEED = 70_000
 
 NUM_RECORDS = {
-    "as declared": 400,
-    "prior draws": 200,
-    "exact instruments": 120,
-    "slower noise": 60,
-    "stronger noise": 60,
-    "noise that doubles": 60,
-    "heavy tails": 60,
-    "truncated": 30,
-    "large errors, declared": 30,
-    "large errors, not declared": 30,
-    "errors taken as none": 30,
-    "point samples at 1 Hz": 30,
-    "unevenly soaked": 30,
-}
+    "as declared": 400, "prior draws": 200, "exact instruments": 120,
+    **dict.fromkeys(MISSPECIFIED, 60),
+    **dict.fromkeys(("truncated", "large errors, declared", "large errors, not declared",
+                     "errors taken as none", "point samples at 1 Hz", "unevenly soaked"), 30),
+}  # fmt: skip
 """Records of each cell."""
 
 NUM_EMCEE = {"as declared": 20, "prior draws": 10}
@@ -167,7 +159,6 @@ def jobs(seed: int, share: float) -> Iterator[Row]:
 def write(
     rows: list[Row], found: list[Row], out: Path, words: str, seed: int, planned: int
 ) -> None:
-    """Write rows, gates, summary, table and figures; `words` are those of the command."""
     rows = sorted(rows, key=lambda row: (list(NUM_RECORDS).index(row["cell"]), row["index"]))
     packages = ("heatrun", "jax", "numpy", "scipy", "optimistix", "emcee")
     content = {
@@ -259,7 +250,6 @@ def _coverage_line(cell: str, method: str, rows: Sequence[Row], names: Sequence[
 
 
 def _by_duration(rows: Sequence[Row]) -> list[str]:
-    """Return coverage of 95 % by length of the test."""
     lines = ["## Coverage of 95 % intervals by length of the test, quick [%]", ""]
     lines += heads(" | ".join(["cell | test | records", *NETWORK]))
     for cell in ("as declared", "exact instruments"):
@@ -294,7 +284,6 @@ def _prediction(rows: Sequence[Row], cells: Sequence[str]) -> list[str]:
 
 
 def _between(rows: Sequence[Row]) -> list[str]:
-    """Return coverage where the load was logged slowly, by what heatrun says of it."""
     slow = [row for row in rows if max(row.get("between_K", [0.0])) > 0.0]
     if not slow:
         return []
@@ -304,25 +293,16 @@ def _between(rows: Sequence[Row]) -> list[str]:
         f"*Lost*: heatrun's estimate of what the load does between its samples, in one of the two "
         f"tests, is above its limit of {BETWEEN_K} K (finding `between_samples`).",
         "",
-        *heads(
-            " | ".join(
-                [
-                    "calibrated on | lost | records | estimate [K]",
-                    *NETWORK,
-                    "end | in the 95 % band",
-                ]
-            )
-        ),
-    ]
+        *heads(" | ".join(["calibrated on | lost | records | estimate [K]", *NETWORK,
+                           "end | in the 95 % band"])),
+    ]  # fmt: skip
     for is_lost in (False, True):
         mine = [row for row in slow if (max(row["between_K"]) > BETWEEN_K) == is_lost]
         if mine:
             kinds = ", ".join(sorted({row["kind"] for row in mine})).replace("_", " ")
             largest = [max(row["between_K"]) for row in mine]
-            parts = [
-                f"{100 * coverage(rank(mine, 'quick', name), 0.95):.0f}"
-                for name in (*NETWORK, "end")
-            ]
+            parts = [f"{100 * coverage(rank(mine, 'quick', name), 0.95):.0f}"
+                     for name in (*NETWORK, "end")]  # fmt: skip
             share = np.mean([row["quick"]["share_95"] for row in mine])
             lines.append(
                 f"| {kinds} | {'yes' if is_lost else 'no'} | {len(mine)} | "

@@ -58,7 +58,6 @@ COMMANDS: tuple[tuple[tuple[object, ...], str, dict[str, str]], ...] = (
 
 
 def main() -> None:
-    """Run the commands and keep their documents."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("results") / "demo")
     options = parser.parse_args()
@@ -77,7 +76,6 @@ def main() -> None:
 
 
 def run(words: list[str]) -> None:
-    """Run a command; its messages are shown where it fails."""
     done = subprocess.run(
         [sys.executable, "-m", "heatrun.cli", *words], capture_output=True, text=True, check=False
     )
@@ -88,7 +86,6 @@ def run(words: list[str]) -> None:
 
 
 def keep(made: Path, pattern: str, target: Path) -> None:
-    """Copy what a command made."""
     (source,) = made.glob(pattern)
     if source.is_dir():
         shutil.rmtree(target, ignore_errors=True)

@@ -50,12 +50,10 @@ def hidden_effects(row: Row) -> tuple[str, ...]:
 
 
 def all_right(row: Row) -> bool:
-    """Whether everything hidden is named, or in the stated sets."""
     return claims(row) and all(is_right(row, effect) != "missed" for effect in hidden_effects(row))
 
 
 def gates(rows: Sequence[Row]) -> list[Row]:
-    """Return each gate with what was measured, in how many cases, and its 95 % limits."""
     group = {name: [r for r in rows if r["group"] == name] for name in {r["group"] for r in rows}}
 
     def of(name: str) -> list[Row]:
@@ -126,7 +124,6 @@ def _is_worse(row: Row) -> bool:
 
 
 def _share(what: str, wanted: str, rule: str, values: Iterable[Any]) -> Row:
-    """Return a gate on a share, with its Clopper-Pearson limits."""
     listed = [bool(value) for value in values]
     count, num = sum(listed), len(listed)
     rate, limits = (count / num, list(limits_95(count, num))) if num else (None, None)
@@ -171,7 +168,6 @@ def main() -> None:
 
 
 def table(rows: list[Row], command: str, seed: int, planned: int) -> str:
-    """Return the tables in Markdown."""
     lines = [
         "# Discovery on benches with hidden causes",
         "",
@@ -248,7 +244,6 @@ def _counted(names: Counter[str]) -> str:
 
 
 def _confusion(rows: list[Row], path: Path) -> None:
-    """Draw what was found for what was hidden."""
     chosen = [row for row in rows if len(row["hidden"]) <= 1 and row["order"] == "second"]
     hidden = list(dict.fromkeys(row["hidden"][0] if row["hidden"] else "nothing" for row in chosen))
     other = ["adequate", "unexplained", "not_identifiable", "none"]

@@ -5,7 +5,6 @@ Each case is written to disk as a bench would leave it (CSV files and a motor fi
 """
 
 import json
-import tempfile
 import time
 from functools import partial
 from pathlib import Path
@@ -15,7 +14,7 @@ from unittest.mock import patch
 import numpy as np
 import pandas as pd
 from bench_package import hidden_bench, write_motor
-from study_runs import command
+from study_runs import command, temporary
 
 SHOWN = (
     "natural_convection", "speed_cooling", "fan_cooling", "cooling_step", "coolant_sink",
@@ -87,7 +86,6 @@ def jobs(
 
 
 def run(job: dict[str, Any]) -> dict[str, Any]:
-    """Run one case through the command and return its row."""
     case = hidden_bench().make_case(
         job["hidden"], job["seed"], target_K=job["target_K"], only_test=job["only_test"]
     )
@@ -99,8 +97,7 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
         "losses": case.losses,
         "floor_K": floor(case),
     }
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary() as folder:
         arguments = write_bench(case, folder, job["order"])
         wall, processor = time.perf_counter(), time.process_time()
         with shorter():
@@ -117,7 +114,6 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
 
 
 def write_bench(case: Any, folder: Path, order: str) -> list[str]:
-    """Write motor file and records of a case; return the arguments of the command."""
     write_motor(case, folder)
     by_role: dict[str, list[str]] = {"calibration": [], "holdout": []}
     for test in case.tests:
@@ -145,7 +141,6 @@ def shorter() -> Any:
 
 
 def described(result: dict[str, Any] | None) -> dict[str, Any]:
-    """Return what `discovery.json` says, in the figures of a row."""
     if result is None:
         return {"verdict": "none", "named": [], "traces": [], "holdout": None, "stages_s": {}}
     rejected = [row["id"] for row in result["candidates"] if "held-out test worse" in row["reason"]]

@@ -8,13 +8,11 @@ unmodelled heat than the search had, the pair does not count and is said.
 """
 
 import math
-import tempfile
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from ordinary_machines import KINDS, make, write_case
-from study_runs import Row, options_of, run_study
+from study_runs import Row, options_of, run_study, temporary
 
 from heatrun.calibration import load_tests, with_scales_of
 from heatrun.effects.found import as_fit, find
@@ -34,8 +32,7 @@ and its parameters."""
 
 def run(job: Row) -> Row:
     """Return log Bayes factors of the chosen network over those without one of its effects."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary() as folder:
         *fitted, held_out = write_case(make(job["kind"], job["seed"]), folder)
         motor = load_motor(folder / "motor.toml")
         tests = load_tests(motor, fitted, [held_out])

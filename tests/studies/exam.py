@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from study_runs import put
 
 import heatrun
 from heatrun.calibration import Refused
@@ -68,8 +69,6 @@ class Score:
 
 @dataclass(frozen=True)
 class Outcome:
-    """One network, calibrated on one set of profiles."""
-
     trained: tuple[int, ...]  # Ids of the profiles that were fitted.
     left_out: dict[int, str]  # Why others of the set were not, by id.
     network: str  # Its name.
@@ -107,16 +106,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
             for network in options.networks.split(","):
                 outcomes.append(examined(bench, chosen, tests, network))
                 print("\n".join(rows(outcomes[-1])), flush=True)
-                options.out.mkdir(parents=True, exist_ok=True)
-                (options.out / "exam.md").write_text(table(outcomes), encoding="utf-8")
+                put(options.out / "exam.md", table(outcomes))
 
 
 def profiles(file: Path) -> dict[int, pd.DataFrame]:
-    """Return the profiles of a file by their id, columns and samples in the order of the file.
-
-    Raises:
-        SystemExit: If it has another layout.
-    """
+    """Return the profiles of a file by their id, columns and samples in the order of the file."""
     present = pd.read_csv(file, nrows=0).columns
     missing = [name for name in ("profile_id", *COLUMNS) if name not in present]
     if missing:
@@ -129,11 +123,7 @@ def profiles(file: Path) -> dict[int, pd.DataFrame]:
 
 
 def training(wanted: str, parts: dict[int, pd.DataFrame], tests: Sequence[int]) -> tuple[int, ...]:
-    """Return the profiles of a training set.
-
-    Raises:
-        SystemExit: If a profile is not in the file, or would be fitted and predicted.
-    """
+    """Return the profiles of a training set."""
     absent = [number for number in tests if number not in parts]
     others = [number for number in parts if number not in tests]
     if wanted == "all":
@@ -153,12 +143,7 @@ def training(wanted: str, parts: dict[int, pd.DataFrame], tests: Sequence[int]) 
 
 
 class Bench:
-    """The profiles as bench files of their own.
-
-    Args:
-        folder: Where they go.
-        parts: By id.
-    """
+    """The profiles as bench files of their own."""
 
     def __init__(self, folder: Path, parts: dict[int, pd.DataFrame]) -> None:
         self.folder, self.parts = folder, parts
@@ -173,7 +158,6 @@ class Bench:
         return f"{path}@{RATE_HZ:g}Hz"
 
     def refusal(self, number: int) -> str:
-        """Return why no fit can take a profile, empty if one can."""
         try:
             found = heatrun.check(self.motor, self.test(number))
         except InputError as error:
@@ -190,15 +174,7 @@ def examined(
     *,
     out: Path | None = None,
 ) -> Outcome:
-    """Return how a network predicts profiles that it was not calibrated on.
-
-    Args:
-        bench: The profiles.
-        train: Ids that are fitted; those that a check refuses are left out, and named.
-        tests: Ids that are predicted.
-        network: Name of a shipped network, or its file.
-        out: Where the run goes; None for one that does not stay.
-    """
+    """Return how a network predicts profiles that it was not calibrated on."""
     began, processor = time.monotonic(), time.process_time()
     refusals = {number: bench.refusal(number) for number in train}
     left_out = {number: why for number, why in refusals.items() if why}
@@ -233,26 +209,18 @@ def _score(run: heatrun.Run, bench: Bench, number: int) -> Score:
 
 
 def reading(found: Prediction, course: pd.DataFrame, time_s: np.ndarray) -> np.ndarray:
-    """Return what the network says that the winding's sensor reads at each sample [degC].
-
-    Args:
-        found: The prediction, by blocks of 20 s.
-        course: The node's temperature by steps of 2 s, as `virtual_record`.
-        time_s: Times of the samples [s].
-    """
+    """Return what the network says that the winding's sensor reads at each sample [degC]."""
     node = found.model.form.measured_node
     of_sensor = np.interp(time_s, found.time_s, found.median - found.nodes[node])
     return np.interp(time_s, course["time_s"], course[f"{node}_degC"]) + of_sensor
 
 
 def errors(measured: np.ndarray, predicted: np.ndarray) -> tuple[float, float]:
-    """Return mean squared error [K^2] and maximum absolute error [K] of samples [degC]."""
     error = measured - predicted
     return float(np.mean(error**2)), float(np.max(np.abs(error)))
 
 
 def first_sentence(text: str) -> str:
-    """Return a message up to the end of its first sentence."""
     end = min((at for stop in (". ", "; ", "\n") if (at := text.find(stop)) > 0), default=len(text))
     return text[:end].rstrip(".")
 
@@ -291,7 +259,6 @@ def table(outcomes: Sequence[Outcome]) -> str:
 
 
 def rows(outcome: Outcome, num: int = 1) -> list[str]:
-    """Return the row of an outcome in Markdown, for so many profiles."""
     many = len(outcome.trained) > 8
     trained = f"{len(outcome.trained)} profiles" if many else ", ".join(map(str, outcome.trained))
     head = f"| {trained or '–'} | {outcome.network}"

@@ -46,8 +46,6 @@ VESC_SEED = 41
 
 @dataclass(frozen=True)
 class Handed:
-    """What a bench hands over."""
-
     write: Callable[[Path], Path]  # Writes the file into a folder and returns where it lies.
     columns: dict[str, str]  # Channel to the column that it must be read from, as the person knows.
     # What the person knows that no file of this bench holds: key or channel to text.
@@ -60,7 +58,6 @@ def record(every: int = 10) -> pd.DataFrame:
 
 
 def clock(table: pd.DataFrame, form: str) -> list[str]:
-    """Return the times of a table as text."""
     return [(START + datetime.timedelta(seconds=float(s))).strftime(form) for s in table.t]
 
 
@@ -196,11 +193,7 @@ MOST_COMMANDS, MOST_LINES = 3, 5
 
 
 def edited(draft: str, missing: Sequence[Mapping[str, Any]], handed: Handed) -> tuple[str, list]:
-    """Return a drafted motor file as a person completes it, and the lines that were typed.
-
-    Raises:
-        ValueError: If it asks for what the person does not know.
-    """
+    """Return a drafted motor file as a person completes it, and the lines that were typed."""
     lines, typed = draft.splitlines(), []
 
     def put(key: str, text: str, section: str) -> None:
@@ -226,7 +219,6 @@ def edited(draft: str, missing: Sequence[Mapping[str, Any]], handed: Handed) -> 
 
 
 def run(kind: str, folder: Path) -> dict[str, Any]:
-    """Take one file from `init` to the sheet and return its row."""
     handed = FILES[kind]
     record = handed.write(folder)
     motor, out = folder / "motor.toml", folder / "run"
@@ -276,7 +268,6 @@ def run(kind: str, folder: Path) -> dict[str, Any]:
 
 
 def entry_of(found: dict[str, Any], truth: float) -> dict[str, Any]:
-    """Return what the table says of a parameter, its numbers as the certificate prints them."""
     entry = msgspec.convert(found, FittedParameter)
     return {
         "value": entry.value,
@@ -289,7 +280,6 @@ def entry_of(found: dict[str, Any], truth: float) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Run all of them and write the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("results") / "first_hour")
     parser.add_argument("--sheets", type=Path, help="folder that the sheets are kept in")
@@ -320,7 +310,6 @@ def main() -> int:
 
 
 def table(content: Mapping[str, Any]) -> str:
-    """Return the page of the study."""
     rows, seeds = content["rows"], content["seeds"]
     made = ", ".join(f"{name} {seed}" for name, seed in seeds.items())
     lines = [

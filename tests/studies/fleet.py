@@ -7,7 +7,6 @@ Rows go to a file as they come; a run that was cut short goes on from there.
 
 import json
 import os
-import tempfile
 import time
 from argparse import Namespace
 from collections.abc import Sequence
@@ -18,7 +17,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small; th
 import numpy as np
 from fleet_cases import NAMES, SHORT_MIN, Fleet, draw_fleet, write_fleet
 from gate_rows import at_least, at_most, covered, heads, rms, times_better
-from study_runs import Row, options_of, run_study
+from study_runs import Row, options_of, run_study, temporary
 
 import heatrun
 from heatrun import cli
@@ -38,8 +37,7 @@ def run(job: Row) -> Row:
     """Return the row of a fleet: `seed`, `machines`, and `workers` for its calibrations."""
     begin = time.monotonic()
     fleet = draw_fleet(job["seed"], job["machines"])
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary() as folder:
         path = write_fleet(fleet, folder / "bench", job["seed"])
         calibrated = heatrun.calibrate_fleet(path, out=folder / "fleet", workers=job["workers"])
         calibrated_s = time.monotonic() - begin
@@ -58,7 +56,6 @@ def run(job: Row) -> Row:
 
 
 def population_of(fleet: Path, out: Path, *words: str) -> tuple[Row, list[Row]]:
-    """Run the command on the folder of a fleet; return what it says, and its rows."""
     code = cli.main(["population", str(fleet), *words, "--out", str(out)])
     if code != 0:
         raise SystemExit(f"the population of {fleet} ended with {code}")
@@ -73,7 +70,6 @@ def rows_of(path: Path) -> list[Row]:
 
 
 def _population(fleet: Fleet, content: Row) -> list[Row]:
-    """Return each parameter of the population with its truth and its interval."""
     used = [machine["name"] for machine in content["machines"]]
     middle = np.exp(fleet.middle(used))
     (label,) = content["covariates"]

@@ -36,6 +36,7 @@ SLOW_K, SLOW_S, WHITE_K = 0.15, 40.0, 0.10
 OHM, REFERENCE_degC, B_degC = 0.0062, 25.0, 234.5
 ROOM_degC = 22.0
 SAMPLE_S = 2.0
+EVERY = slice(None, None, round(SAMPLE_S))
 SHORT_MIN, LONG_MIN = 30.0, 120.0
 
 MOTOR = f"""[motor]
@@ -48,8 +49,6 @@ reference_temperature_degC = {REFERENCE_degC}
 
 @dataclass(frozen=True)
 class Fleet:
-    """A fleet and its truth."""
-
     mean: np.ndarray  # Of the logarithms over machines of the supplier north, shape (parameter,).
     sd: np.ndarray  # Over machines of one supplier, outliers left aside, shape (parameter,).
     correlation: np.ndarray  # Likewise, shape (parameter, parameter).
@@ -63,29 +62,19 @@ class Fleet:
 
     @property
     def is_outlier(self) -> np.ndarray:
-        """Which machines are something else, shape (machine,)."""
         return self.odd >= 0
 
     @property
     def machines(self) -> list[str]:
-        """Their names."""
         return [f"M{number:04d}" for number in range(len(self.logs))]
 
     def middle(self, machines: Sequence[str]) -> np.ndarray:
-        """Return the logarithms in the middle of the suppliers of some machines."""
         places = [int(name[1:]) for name in machines]
         return self.mean + self.is_south[places].mean() * self.supplier
 
 
 def draw_fleet(seed: int, num: int, *, outliers: float = OUTLIERS, short: float = 0.5) -> Fleet:
-    """Return a fleet of a type that is drawn too.
-
-    Args:
-        seed: Random seed.
-        num: Number of machines.
-        outliers: Share of machines that are something else [1].
-        short: Share of machines with a short test [1].
-    """
+    """Return a fleet of a type that is drawn too."""
     rng = np.random.default_rng([seed, 1])
     mean = np.log(CENTRE) + 0.2 * rng.standard_normal(4)
     sd = SPREADS * 1.5 ** rng.uniform(-1.0, 1.0, 4)
@@ -104,7 +93,6 @@ def draw_fleet(seed: int, num: int, *, outliers: float = OUTLIERS, short: float 
 
 
 def write_fleet(fleet: Fleet, folder: Path, seed: int) -> Path:
-    """Write motor file, tests, table of machines and fleet file; return the last."""
     rows, tests = [], []
     for place, name in enumerate(fleet.machines):
         supplier = "south" if fleet.is_south[place] else "north"
@@ -136,37 +124,49 @@ def write_bench(
 
 
 def readings(values: np.ndarray, minutes: float, rng: np.random.Generator) -> dict[str, Any]:
-    """Return what the bench writes of machines: a short test under one load, a long one under many.
+    """Return what the bench writes of machines, by column, shape (machine, sample) each."""
+    loads = loaded(len(values), minutes, (60.0, 170.0), (150.0, 400.0), rng)
+    winding, copper = courses(values, loads.current, loads.other, loads.ohm)
+    noise = _noise(*winding.shape, rng)[:, EVERY]
+    return loads.read(winding, copper, noise)
 
-    Args:
-        values: Parameters of the machines, shape (machine, parameter).
-        minutes: Length of the test [min].
-        rng: Random numbers.
 
-    Returns:
-        Readings by column, shape (machine, sample) each.
-    """
-    num, steps = len(values), round(minutes * 60.0)
-    time_s = np.arange(steps, dtype=float)
-    # a minute at rest, then a constant load as off the line, or a staircase of eight minutes each
-    num_loads = 1 if minutes <= SHORT_MIN else round(minutes / 8.0)
-    stretch = np.minimum((time_s * num_loads / steps).astype(int), 63)
-    current = rng.uniform(60.0, 170.0, (num, 64))[:, stretch]
-    other = rng.uniform(150.0, 400.0, (num, 64))[:, stretch]
+@dataclass(frozen=True)
+class Loads:
+    """A test of each machine, second by second, and the errors of its instruments."""
+
+    current: np.ndarray  # Rms phase current [A], shape (machine, second).
+    other: np.ndarray  # Losses other than copper [W].
+    error: Mapping[str, np.ndarray]  # By name in `ERRORS`, shape (machine, 1).
+
+    @property
+    def ohm(self) -> np.ndarray:
+        return OHM * np.exp(self.error["resistance"][:, 0])
+
+    def read(self, winding: np.ndarray, copper: np.ndarray, noise: np.ndarray) -> dict[str, Any]:
+        error, shape = self.error, noise.shape
+        rise = (winding[:, EVERY] - ROOM_degC) * (1.0 + error["sensor_gain"]) + ROOM_degC
+        return {
+            "t": np.broadcast_to(np.arange(winding.shape[1], dtype=float)[EVERY], shape),
+            "Is": self.current[:, EVERY] / (1.0 + error["current"]),
+            "Pd": (copper + self.other)[:, EVERY] / (1.0 + error["power"]),
+            "Te": np.broadcast_to(ROOM_degC - error["ambient_K"], shape),
+            "Tw_m": rise + error["sensor_K"] + noise,
+        }
+
+
+def loaded(
+    num: int, minutes: float, amperes: tuple[float, float], watts: tuple[float, float],
+    rng: np.random.Generator,
+) -> Loads:  # fmt: skip
+    """A minute at rest, then one load as off the line, or a staircase of eight minutes each."""
+    steps = round(minutes * 60.0)
+    num_loads = 1 if minutes < 60.0 else round(minutes / 8.0)
+    stretch = np.minimum((np.arange(steps) * num_loads / steps).astype(int), 63)
+    current, other = (rng.uniform(*ends, (num, 64))[:, stretch] for ends in (amperes, watts))
     current[:, :60] = other[:, :60] = 0.0
     error = {name: sd * rng.standard_normal((num, 1)) for name, sd in ERRORS.items()}
-    ohm = OHM * np.exp(error["resistance"][:, 0])
-    winding, copper = courses(values, current, other, ohm)
-    every = slice(0, steps, round(SAMPLE_S))
-    noise = _noise(num, steps, rng)[:, every]
-    rise = (winding[:, every] - ROOM_degC) * (1.0 + error["sensor_gain"]) + ROOM_degC
-    return {
-        "t": np.broadcast_to(time_s[every], (num, time_s[every].size)),
-        "Is": current[:, every] / (1.0 + error["current"]),
-        "Pd": (copper + other)[:, every] / (1.0 + error["power"]),
-        "Te": np.broadcast_to(ROOM_degC - error["ambient_K"], noise.shape),
-        "Tw_m": rise + error["sensor_K"] + noise,
-    }
+    return Loads(current, other, error)
 
 
 def courses(
@@ -217,7 +217,6 @@ def courses(
 
 
 def _noise(num: int, steps: int, rng: np.random.Generator) -> np.ndarray:
-    """Return the noise of readings a second apart [K], shape (machine, second)."""
     slow = slowly(num, steps, SLOW_S, rng)
     return SLOW_K * slow + WHITE_K * rng.standard_normal((num, steps))
 
@@ -225,14 +224,7 @@ def _noise(num: int, steps: int, rng: np.random.Generator) -> np.ndarray:
 def slowly(
     num: int, steps: int, time_s: np.ndarray | float, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return Gauss-Markov processes of unit variance a second apart, shape (process, second).
-
-    Args:
-        num: Number of processes.
-        steps: Seconds.
-        time_s: Correlation times [s], one for all or of shape (process,).
-        rng: Random numbers.
-    """
+    """Return Gauss-Markov processes of unit variance a second apart, shape (process, second)."""
     kept = np.exp(-1.0 / np.broadcast_to(time_s, num))
     slow = np.empty((num, steps))
     slow[:, 0] = rng.standard_normal(num)

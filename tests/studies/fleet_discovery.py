@@ -8,13 +8,13 @@ out, and the fleet searched as `heatrun fleet --discover` does. It goes on where
 """
 
 import pickle
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
 import fleet_of_hidden_causes as hidden_fleet
 import numpy as np
-from gate_rows import limits_95
+from gate_rows import heads, limits_95
 from study_runs import Row, options_of, run_study
 
 from heatrun.fit.fit import fit
@@ -50,7 +50,6 @@ MOTOR = Motor(
 
 
 def cases(clean: int, hidden: int, large: int, off: int, unknown: int) -> list[Row]:
-    """Return the fleets of the study, the kinds in turn."""
     kinds: list[tuple[str, str, int, int]] = [("clean", "", NUM, clean)]
     kinds += [("hidden", name, NUM, hidden) for name in hidden_fleet.EFFECTS]
     kinds += [("hidden", name, LARGE, large) for name in hidden_fleet.EFFECTS]
@@ -115,7 +114,6 @@ def evidence_of_fleet(tests: Sequence[Sequence[dict[str, np.ndarray]]]) -> list[
 
 
 def is_named(row: Row) -> bool:
-    """Whether the hidden effect is named, or is in the stated set."""
     claims = [e for e in row["effects"] if e["is_beyond_instruments"]]
     return any(row["name"] in (e["id"], *e["equivalents"]) for e in claims)
 
@@ -127,8 +125,11 @@ def is_exact(row: Row) -> bool:
     )  # fmt: skip
 
 
+def is_found(row: Row) -> bool:
+    return bool(row["effects"])
+
+
 def has_more(row: Row) -> bool:
-    """Whether a second effect is claimed beside the hidden one."""
     return len(row["effects"]) > 1
 
 
@@ -138,51 +139,42 @@ def is_claimed(row: Row) -> bool:
 
 
 def table(rows: list[Row]) -> list[str]:
-    """Return the lines of the page's tables."""
+    machines_alone = "machines that show something alone"
+    lines: list[str] = []
 
-    def line(label: str, some: list[Row], *counts: int) -> str:
+    def head(*names: str) -> None:
+        lines.extend(["", *heads(" | ".join([*names, machines_alone]))])
+
+    def line(label: str, some: list[Row], *tests: Callable[[Row], bool]) -> None:
         said = []
-        for hits in counts:
+        for hits in (sum(map(test, some)) for test in tests):
             low, high = limits_95(hits, len(some))
             said.append(f"{hits} of {len(some)} ({100 * low:.0f}…{100 * high:.0f} %)")
-        machines = sum(row["num_machines"] for row in some)
-        alone = sum(row["num_alone"] for row in some) / machines
-        return f"| {label} | {' | '.join(said)} | {100 * alone:.0f} % |"
+        if some:
+            machines = sum(row["num_machines"] for row in some)
+            alone = 100 * sum(row["num_alone"] for row in some) / machines
+            lines.append(f"| {label} | {' | '.join(said)} | {alone:.0f} % |")
 
-    lines = ["| nothing hidden | anything said | claimed as an effect | machines that show "
-             "something alone |", "|---|---|---|---|"]  # fmt: skip
-    clean = [row for row in rows if row["kind"] == "clean"]
-    if clean:
-        lines.append(line(f"fleets of {NUM}", clean, sum(bool(r["effects"]) for r in clean),
-                          sum(map(is_claimed, clean))))  # fmt: skip
-    lines += ["", "| hidden, 0.1 K visible | found | named or in the stated set | named alone | "
-              "a second one beside it | machines that show something alone |",
-              "|---|---|---|---|---|---|"]  # fmt: skip
+    def of(kind: str, name: str = "all") -> list[Row]:
+        return [row for row in rows if row["kind"] == kind and name in (row["name"], "all")]
+
+    head("nothing hidden", "anything said", "claimed as an effect")
+    line(f"fleets of {NUM}", of("clean"), is_found, is_claimed)
+    head("hidden, 0.1 K visible", "found", "named or in the stated set", "named alone",
+         "a second one beside it")  # fmt: skip
     for num in (NUM, LARGE):
         for name in [*hidden_fleet.EFFECTS, "all"]:
-            some = [r for r in rows if r["kind"] == "hidden" and r["num"] == num
-                    and name in (r["name"], "all")]  # fmt: skip
-            if some:
-                lines.append(line(f"{name}, {num} machines", some,
-                                  sum(bool(r["effects"]) for r in some), sum(map(is_named, some)),
-                                  sum(map(is_exact, some)), sum(map(has_more, some))))  # fmt: skip
-    lines += ["", "| an instrument off by two stated sds | anything said | claimed as an effect | "
-              "machines that show something alone |", "|---|---|---|---|"]  # fmt: skip
+            some = [row for row in of("hidden", name) if row["num"] == num]
+            line(f"{name}, {num} machines", some, is_found, is_named, is_exact, has_more)
+    head("an instrument off by two stated sds", "anything said", "claimed as an effect")
     for name in [*OFF, "all"]:
-        some = [r for r in rows if r["kind"] == "instrument" and name in (r["name"], "all")]
-        if some:
-            lines.append(line(name, some, sum(bool(r["effects"]) for r in some),
-                              sum(map(is_claimed, some))))  # fmt: skip
-    lines += ["", "| a cause of no catalogue, 0.1 K visible | anything said | claimed as an effect "
-              "| machines that show something alone |", "|---|---|---|---|"]  # fmt: skip
+        line(name, of("instrument", name), is_found, is_claimed)
+    head("a cause of no catalogue, 0.1 K visible", "anything said", "claimed as an effect")
     for name in hidden_fleet.UNKNOWN:
-        some = [r for r in rows if r["kind"] == "unknown" and r["name"] == name]
-        if some:
-            names = dict.fromkeys(e["id"] for r in some if is_claimed(r) for e in r["effects"])
-            said = f" (as {', '.join(names)})" if names else ""
-            lines.append(line(name + said, some, sum(bool(r["effects"]) for r in some),
-                              sum(map(is_claimed, some))))  # fmt: skip
-    return lines
+        some = of("unknown", name)
+        names = dict.fromkeys(e["id"] for r in some if is_claimed(r) for e in r["effects"])
+        line(name + (f" (as {', '.join(names)})" if names else ""), some, is_found, is_claimed)
+    return lines[1:]
 
 
 def page(rows: list[Row], planned: int) -> str:
@@ -212,7 +204,6 @@ def page(rows: list[Row], planned: int) -> str:
 
 
 def main() -> None:
-    """Run what is left of the study, so many fleets of each kind."""
     counts = {"clean": 120, "hidden": 6, "large": 2, "off": 6, "unknown": 3}
     parser = options_of(__doc__, "fleet", FIRST_SEED, **counts)
     parser.add_argument("--cache", type=Path, help="folder that keeps the machines' evidence")

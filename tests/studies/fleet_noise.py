@@ -7,7 +7,6 @@ go to a file as they come; a run that was cut short goes on from there.
 
 import json
 import os
-import tempfile
 import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -27,7 +26,7 @@ from fleet_noise_cases import (
     write_noisy_fleet,
 )
 from gate_rows import at_least, at_most, covered, heads, percent_95, rms, times_better
-from study_runs import Row, run_study
+from study_runs import Row, run_study, temporary
 
 import heatrun
 
@@ -51,8 +50,7 @@ def run(job: Row) -> Row:
     fleet = draw_noisy_fleet(
         job["seed"], num + NUM_NEXT, has_effect=job["has_effect"], heat=job["heat"]
     )
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary() as folder:
         path = write_noisy_fleet(
             fleet, folder / "bench", job["seed"], minutes=TEST_MIN, places=range(num)
         )
@@ -99,7 +97,6 @@ def _following(fleet: NoisyFleet, folder: Path, how: str, motor: str, job: Row) 
 
 
 def _type(fleet: NoisyFleet, content: Row) -> list[Row]:
-    """Return what is said of the type, each with its truth."""
     rows = []
 
     def add(of: str, name: str, kind: str, truth: float, entry: Row) -> None:
@@ -123,7 +120,6 @@ def _type(fleet: NoisyFleet, content: Row) -> list[Row]:
 
 
 def _heat_of_the_next(fleet: NoisyFleet, content: Row, num: int) -> list[bool]:
-    """Return whether the heat of each further machine lies in what is said of the next one."""
     low, high = content["noise"]["parameters"]["unmodelled_heat"]["next_interval_95"]
     return [bool(low <= heat <= high) for heat in np.exp(fleet.noise[num:, 3])]
 
@@ -229,7 +225,6 @@ TYPES = (
 
 
 def _by_heat(rows: Sequence[Row]) -> list[str]:
-    """Return how often the medians of the noise hold their truth, by parameter and by heat."""
     lines = []
     for heat in sorted({row["heat"] for row in rows}):
         of_type = [each for row in rows if row["heat"] == heat for each in row["type"]]

@@ -10,13 +10,12 @@ from pathlib import Path
 
 import numpy as np
 from fleet_cases import (
-    ERRORS,
-    OHM,
+    EVERY,
     SAMPLE_S,
     Fleet,
-    ROOM_degC,
     courses,
     draw_fleet,
+    loaded,
     slowly,
     write_bench,
 )
@@ -47,15 +46,11 @@ standard deviation of the logarithm over machines; the centres differ by 20 %.""
 HEAT_S = (400.0, 900.0)
 """Each of the two lags of the heat that nobody measures [s]."""
 
-STAIR_S = 480.0
-
 MOTOR = f'{TYPE}[columns]\nspeed_rpm = "n"\n'
 
 
 @dataclass(frozen=True)
 class NoisyFleet:
-    """A fleet and its truth."""
-
     machines: Fleet  # Their thermal parameters.
     noise_mean: np.ndarray  # Of the logarithms over machines, shape (noise,).
     noise_sd: np.ndarray  # Likewise, machines of another noise left aside, shape (noise,).
@@ -68,14 +63,7 @@ class NoisyFleet:
 def draw_noisy_fleet(
     seed: int, num: int, *, has_effect: bool, heat: float = HEATS[0]
 ) -> NoisyFleet:
-    """Return a fleet of a type that is drawn too.
-
-    Args:
-        seed: Random seed.
-        num: Number of machines.
-        has_effect: Whether the type has the effect.
-        heat: About which that of the type is drawn, over the mean loss [1].
-    """
+    """Return a fleet of a type that is drawn too."""
     rng = np.random.default_rng([seed, 3])
     mean = np.log(NOISE_CENTRE * [1.0, 1.0, 1.0, heat]) + NOISE_SPREAD * rng.standard_normal(4)
     sd = NOISE_SPREAD * 1.5 ** rng.uniform(-1.0, 1.0, 4)
@@ -117,36 +105,21 @@ def _readings(
     fleet: NoisyFleet, places: np.ndarray, minutes: float, rng: np.random.Generator
 ) -> dict[str, np.ndarray]:
     """Return what the bench writes, by column, shape (machine, sample) each."""
-    num, steps = places.size, round(minutes * 60.0)
-    time_s = np.arange(steps, dtype=float)
-    stairs = 1 if minutes < 60.0 else round(60.0 * minutes / STAIR_S)
-    stretch = np.minimum((time_s * stairs / steps).astype(int), 63)
-    current = rng.uniform(50.0, 120.0, (num, 64))[:, stretch]
-    other = rng.uniform(120.0, 320.0, (num, 64))[:, stretch]
-    current[:, :60] = other[:, :60] = 0.0
-    error = {name: sd * rng.standard_normal((num, 1)) for name, sd in ERRORS.items()}
-    ohm = OHM * np.exp(error["resistance"][:, 0])
+    loads = loaded(places.size, minutes, (50.0, 120.0), (120.0, 320.0), rng)
+    num, steps = loads.current.shape
     slow_K, slow_s, white_K, heat = np.exp(fleet.noise[places]).T
     # of the loss as it would be at 60 degC: what is missed does not follow the temperature
-    warm = 3.0 * ohm[:, None] * 1.14 * current**2 + other
+    warm = 3.0 * loads.ohm[:, None] * 1.14 * loads.current**2 + loads.other
     size = (heat * warm.mean(axis=1))[:, None]
     lasting = rng.uniform(*HEAT_S, num)
     missed = np.stack([size * smoothly(num, steps, lasting, rng) for _ in range(2)])
-    winding, copper = courses(
-        np.exp(fleet.machines.logs[places]), current, other, ohm, fleet.iron_W[places], missed
-    )
-    every = slice(0, steps, round(SAMPLE_S))
-    slow = slow_K[:, None] * slowly(num, steps, slow_s, rng)[:, every]
-    rise = (winding[:, every] - ROOM_degC) * (1.0 + error["sensor_gain"]) + ROOM_degC
-    white = white_K[:, None] * np.sqrt(20.0 / SAMPLE_S) * rng.standard_normal(rise.shape)
-    return {
-        "t": np.broadcast_to(time_s[every], rise.shape),
-        "Is": current[:, every] / (1.0 + error["current"]),
-        "Pd": (copper + other)[:, every] / (1.0 + error["power"]),
-        "n": np.broadcast_to(3000.0 * (time_s[every] >= 60.0), rise.shape),
-        "Te": np.broadcast_to(ROOM_degC - error["ambient_K"], rise.shape),
-        "Tw_m": rise + error["sensor_K"] + slow + white,
-    }
+    values, iron_W = np.exp(fleet.machines.logs[places]), fleet.iron_W[places]
+    winding, copper = courses(values, loads.current, loads.other, loads.ohm, iron_W, missed)
+    slow = slow_K[:, None] * slowly(num, steps, slow_s, rng)[:, EVERY]
+    white = white_K[:, None] * np.sqrt(20.0 / SAMPLE_S) * rng.standard_normal(slow.shape)
+    turning = np.where(np.arange(steps) >= 60, 3000.0, 0.0)[EVERY]
+    read = loads.read(winding, copper, slow + white)
+    return read | {"n": np.broadcast_to(turning, slow.shape)}
 
 
 def smoothly(num: int, steps: int, lag_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:

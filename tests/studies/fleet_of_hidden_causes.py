@@ -127,8 +127,6 @@ UNKNOWN: dict[str, Callable[[Plant], None]] = {
 
 @dataclass(frozen=True)
 class Fleet:
-    """The records of a fleet."""
-
     parameters: dict[str, np.ndarray]  # Of each machine, by name, shape (machine,).
     bench: dict[str, float]  # Errors that all machines share.
     # By machine, by test: columns of the record, shape (time,).
@@ -139,15 +137,7 @@ def fleet(
     num: int, seed: int, effect: str = "", amplitude: float = 0.0,
     bench: Mapping[str, float] | None = None,
 ) -> Fleet:  # fmt: skip
-    """Return the records of a fleet.
-
-    Args:
-        num: Machines.
-        seed: Of everything that is drawn.
-        effect: One of `EFFECTS` or `UNKNOWN`; empty for none.
-        amplitude: Its mean over machines [1].
-        bench: Errors of the bench in place of those drawn, some or all.
-    """
+    """Return the records of a fleet."""
     rng = np.random.default_rng([seed, 3])
     parameters = {n: v * np.exp(SPREAD * rng.standard_normal(num)) for n, v in TRUTH.items()}
     own_amplitude = amplitude * np.maximum(0.0, 1.0 + EFFECT_SPREAD * rng.standard_normal(num))
@@ -261,12 +251,7 @@ def march(
 
 @lru_cache
 def amplitude_of(effect: str, visible_K: float) -> float:
-    """Return the amplitude at which a refitted two-node network leaves a misfit [K, rms].
-
-    Args:
-        effect: One of `EFFECTS`.
-        visible_K: The misfit of the machine at the centre of the type, without noise.
-    """
+    """Return the amplitude at which a refitted two-node network leaves a misfit [K, rms]."""
     hidden_bench()
     machine = bench().reference_motor()
     misfit = importlib.import_module(f"{bench().__name__}.hidden.misfit")
@@ -293,7 +278,6 @@ def amplitude_of(effect: str, visible_K: float) -> float:
 
 
 def write(found: Fleet, folder: Path) -> Path:
-    """Write a fleet as files; return the fleet file."""
     tests = {f"M{i:03d}_{number + 1}": columns for i, tests in enumerate(found.tests)
              for number, columns in enumerate(tests)}  # fmt: skip
     rows = [f"{name[:4]},A,tests/{name}.csv" for name in tests]

@@ -13,7 +13,6 @@ import argparse
 import json
 import os
 import sys
-import tempfile
 import time
 from functools import partial
 from importlib.metadata import version
@@ -32,6 +31,7 @@ from fleet_cases import SHORT_MIN, Fleet, draw_fleet, write_fleet
 from jax.scipy.stats import norm
 from numpyro.diagnostics import effective_sample_size, split_gelman_rubin
 from numpyro.infer import MCMC, NUTS
+from study_runs import temporary
 
 import heatrun
 from heatrun.fit.fit import fit
@@ -88,8 +88,7 @@ def main() -> None:
     options = parser.parse_args()
     begin = time.monotonic()
     fleet = draw_fleet(options.seed, options.machines, short=options.short)
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary() as folder:
         path = write_fleet(fleet, folder / "bench", options.seed)
         heatrun.calibrate_fleet(path, out=folder / "fleet", workers=options.workers)
         two = _two_stages(folder / "fleet", options.seed)
@@ -115,7 +114,6 @@ def main() -> None:
 
 
 def _two_stages(folder: Path, seed: int) -> Population:
-    """Return the population as `heatrun.population` draws it."""
     rows = read_fleet(folder)
     (type,) = rows.types
     gathered = designed(gathered_of_fleet(rows, type), [COVARIATE], str(folder))
@@ -140,7 +138,6 @@ def _fits(path: Path) -> list[Fit]:
 
 
 def _machines(fits: list[Fit], two: Population) -> tuple[Any, Machines, np.ndarray]:
-    """Return what is compiled, the numbers of the machines, and the thermal scores' places."""
     slots = fits[0].slots
     places = np.array([i for i, slot in enumerate(slots) if slot.parameter.role == "network"])
     others = np.setdiff1d(np.arange(fits[0].vector.size), places)
@@ -191,7 +188,6 @@ def _log_density(
 def _of_machine(
     structure: Any, places: np.ndarray, law: Law, machine: Machines, thermal: Any, other: Any
 ) -> Any:
-    """Return the log density of a machine's readings and scores, with the Jacobian [nat]."""
     centre = law.mean + machine.design @ law.effects
     wide = machine.width * law.factor
     inner = jnp.eye(centre.size) + wide.T @ machine.precision @ wide
@@ -222,7 +218,6 @@ def _sample(
     two: Population, structure: Any, machines: Machines, places: np.ndarray,
     options: argparse.Namespace,
 ) -> tuple[Law, dict[str, float]]:  # fmt: skip
-    """Return draws of the law by NUTS, and what is said of the chains."""
     scores = _scores(two)
     root = np.linalg.cholesky(np.cov(scores.T) + 1e-9 * np.eye(scores.shape[1]))
     hypers = jnp.asarray(scores.mean(axis=0)), jnp.asarray(root)
@@ -291,7 +286,6 @@ def _scores(two: Population) -> np.ndarray:
 
 
 def _compared(two: Population, one: Law) -> list[dict[str, Any]]:
-    """Return median and interval of each number of the population by both ways."""
     rows = []
     for place, name in enumerate(two.evidence.names):
         for kind, of in (
@@ -310,7 +304,6 @@ def _compared(two: Population, one: Law) -> list[dict[str, Any]]:
 
 
 def _lines(content: dict[str, Any], fleet: Fleet) -> list[str]:
-    """Return the lines of the table in Markdown."""
     said = content["diagnostics"]
     minutes = fleet.minutes
     lines = [

@@ -19,7 +19,6 @@ def limits_95(count: int, num: int) -> tuple[float, float]:
 
 
 def percent_95(count: int, num: int) -> str:
-    """Return the 95 % limits of a share as text [%]."""
     return "{:.0f}…{:.0f} %".format(*(100 * limit for limit in limits_95(count, num)))
 
 
@@ -29,12 +28,10 @@ def heads(row: str) -> list[str]:
 
 
 def at_most(what: str, most: float, cases: Sequence[bool]) -> str:
-    """Return the row of a share that may be so large at most [1]."""
     return _share(what, f"≤ {100 * most:.0f} %", cases, lambda share: share <= most)
 
 
 def at_least(what: str, least: float, cases: Sequence[bool]) -> str:
-    """Return the row of a share that must be so large at least [1]."""
     return _share(what, f"≥ {100 * least:.0f} %", cases, lambda share: share >= least)
 
 
@@ -49,7 +46,6 @@ def _share(what: str, gate: str, cases: Sequence[bool], holds: Any) -> str:
 
 
 def covered(what: str, inside: Sequence[bool]) -> str:
-    """Return the row of the share of 95 % intervals that hold the truth."""
     if not inside:
         return f"| {what} | 93…97 % | – | – | – |"
     count, num = sum(inside), len(inside)
@@ -83,8 +79,18 @@ def in_band(
     )
 
 
+def covers(row: dict[str, Any], name: str) -> bool:
+    """Return whether a parameter is in its 95 % interval."""
+    low, high = row["interval_95"][name]
+    return low <= row["truth"][name] <= high
+
+
+def is_far(row: dict[str, Any], name: str) -> bool:
+    """Return whether a parameter is more than 3 of its standard deviations off."""
+    return abs(row["value"][name] - row["truth"][name]) > 3.0 * row["sd"][name]
+
+
 def rms(errors: Any) -> Any:
-    """Return the root mean square over the first axis."""
     return np.sqrt(np.mean(np.square(errors), axis=0))
 
 

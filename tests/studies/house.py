@@ -49,7 +49,6 @@ def modules_of(tree: Path) -> dict[str, Path]:
 
 
 def entered(tree: Path) -> str:
-    """Return what a quick calibration of bundled data enters, in words."""
     sys.path[:0] = [str(tree / folder) for folder in FOLDERS]
     seen: set[CodeType] = set()
 

@@ -38,7 +38,6 @@ SHOWN = """
 
 
 def main() -> None:
-    """Follow, measure and write."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--out", type=Path, default=Path("live-view"))
@@ -64,7 +63,6 @@ def main() -> None:
 def follow(
     folder: Path, url: str, page: Any, pid: int, duration_s: float, out: Path
 ) -> dict[str, Any]:
-    """Keep a page open on both tests and note how far it is behind them."""
     problems: list[str] = []
     rows: list[dict[str, float]] = []
     while not all((folder / name).exists() and written(folder / name)[0] > 1 for name in RATES):
@@ -113,7 +111,6 @@ def written(path: Path) -> tuple[int, float]:
 
 
 def processor_s(pid: int) -> float:
-    """Return the processor time of a process [s]."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
-from gate_rows import at_least, at_most, heads, in_band
+from gate_rows import at_least, at_most, covers, heads, in_band, is_far
 from misfit_cases import (
     KINDS,
     OF_AN_INSTRUMENT,
@@ -103,7 +103,6 @@ def table(rows: Sequence[Row], command: str, seed: int, planned: int) -> str:
 
 
 def _words(row: Row) -> str:
-    """What is hidden, and in which tests."""
     return row["kind"] + (", two tests" if row.get("tests") == "two_tests" else "")
 
 
@@ -153,9 +152,7 @@ def _width(rows: Sequence[Row]) -> str:
 
 
 def _covered(row: Row) -> list[bool]:
-    """Whether each judged parameter is in its 95 % interval."""
-    intervals, truth = row["interval_95"], row["truth"]
-    return [intervals[n][0] <= truth[n] <= intervals[n][1] for n in _judged(row)]
+    return [covers(row, name) for name in _judged(row)]
 
 
 def _judged(row: Row) -> list[str]:
@@ -166,18 +163,11 @@ def _judged(row: Row) -> list[str]:
 
 def _far(row: Row) -> bool:
     """Whether a parameter is off by more than 3 of its standard deviations."""
-    return any(
-        abs(row["value"][name] - row["truth"][name]) > 3.0 * row["sd"][name]
-        for name in _judged(row)
-    )
+    return any(is_far(row, name) for name in _judged(row))
 
 
 def _outside(row: Row) -> bool:
-    """Whether a parameter is outside its 95 % interval."""
-    return any(
-        not row["interval_95"][name][0] <= row["truth"][name] <= row["interval_95"][name][1]
-        for name in _judged(row)
-    )
+    return not all(_covered(row))
 
 
 if __name__ == "__main__":

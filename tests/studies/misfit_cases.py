@@ -6,7 +6,6 @@ Each case is written as CSV files and a motor file, goes through the command, an
 its run folder.
 """
 
-import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from bench_package import hidden_bench, write_motor
-from study_runs import command
+from study_runs import command, temporary
 
 PARAMETERS = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
 
@@ -26,33 +25,23 @@ KINDS: dict[str, dict[str, Any]] = {
     "rotor_node": {"target_K": 0.12},
     "ambient_drift": {"amplitude": 0.42},
     "time_shift": {"amplitude": 0.1},
-    "external_loss": {"target_K": 0.12},
-    "neighbour_body": {"target_K": 0.12},
-    "ac_copper_loss": {"target_K": 0.12},
-    "iron_loss_in_winding": {"target_K": 0.12},
-    "insulation_conductivity": {"target_K": 0.12},
-    "radiation": {"target_K": 0.12},
-    "fan_cooling": {"target_K": 0.12},
-    "cooling_step": {"target_K": 0.12},
-    "coolant_sink": {"target_K": 0.12},
-    "end_winding_node": {"target_K": 0.12},
-    "bearing_friction": {"target_K": 0.12},
-    "stray_load_loss": {"target_K": 0.12},
-    "contact_drift": {"target_K": 0.12},
-    "sensor_contact": {"target_K": 0.12},
+    **{cause: {"target_K": 0.12} for cause in (
+        "external_loss", "neighbour_body", "ac_copper_loss", "iron_loss_in_winding",
+        "insulation_conductivity", "radiation", "fan_cooling", "cooling_step", "coolant_sink",
+        "end_winding_node", "bearing_friction", "stray_load_loss", "contact_drift",
+        "sensor_contact",
+    )},
     "standby_loss": {"amplitude": 0.3},
     "ambient_recirculation": {"amplitude": 0.2},
-    "unknown:heat_step": {"target_K": 0.15},
-    "unknown:periodic_source": {"target_K": 0.15},
-    "unknown:thermostat": {"target_K": 0.15},
-    "unknown:sensor_wander": {"target_K": 0.15},
+    **{f"unknown:{cause}": {"target_K": 0.15}
+       for cause in ("heat_step", "periodic_source", "thermostat", "sensor_wander")},
     "loss_gain": {"amplitude": 0.3},
     "sensor_gain": {"amplitude": 0.6},
     "winding_resistance": {"amplitude": 0.06},
     "copper_coefficient": {"amplitude": -0.68},
     "current scale 3 %": {},
     "torque offset 0.2 %": {},
-}
+}  # fmt: skip
 """What is hidden, by amplitude (lag of 20 s, drift of 3 K in 90 minutes, clocks 5 s apart, losses
 3 %, rise 1.5 % and resistance 3 % off, aluminium taken for copper) or by its visible misfit [K]."""
 
@@ -78,16 +67,9 @@ WOULD_TELL = {
 }
 """Measurement that would show what one test of this kind cannot."""
 
-REDEFINES = {
-    "natural_convection": "Req_sr",
-    "speed_cooling": "Req_sr",
-    "radiation": "Req_sr",
-    "fan_cooling": "Req_sr",
-    "cooling_step": "Req_sr",
-    "ambient_recirculation": "Req_sr",
-    "insulation_conductivity": "Req_w",
-    "contact_drift": "Req_w",
-}
+REDEFINES = dict.fromkeys(("natural_convection", "speed_cooling", "radiation", "fan_cooling",
+                           "cooling_step", "ambient_recirculation"), "Req_sr") | dict.fromkeys(
+    ("insulation_conductivity", "contact_drift"), "Req_w")  # fmt: skip
 """Parameter that has another meaning under an effect: there is no one true value of it."""
 
 REFERENCES = 2
@@ -98,7 +80,6 @@ POWER = 15.0
 
 
 def jobs(first_seed: int, repeats: int, num_clean: int) -> list[dict[str, Any]]:
-    """Return all cases in the order in which they are run, which is by chance."""
     kinds = [(kind, n, "duty") for kind in KINDS if kind != "nothing" for n in range(repeats)]
     kinds += [("nothing", REFERENCES, "duty")] * num_clean
     kinds += [(kind, REFERENCES, "two_tests") for kind in IN_TWO_TESTS for _ in range(repeats)]
@@ -111,19 +92,16 @@ def jobs(first_seed: int, repeats: int, num_clean: int) -> list[dict[str, Any]]:
 
 
 def is_in_machine(kind: str) -> bool:
-    """Return whether a kind hides something in the machine or its winding sensor."""
     return kind != "nothing" and kind not in OF_AN_INSTRUMENT
 
 
 def run(job: dict[str, Any]) -> dict[str, Any]:
-    """Run one case through the command and return its row."""
     kind = job["kind"]
     hidden = () if kind in ("nothing", *BY_HAND) else (kind,)
     case = hidden_bench().make_case(
         hidden, job["seed"], kind=job["tests"], resolution_K=0.1, **KINDS[kind]
     )
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary() as folder:
         arguments = write_bench(case, folder, kind)
         begin = time.process_time()
         code, said = command(arguments)
@@ -141,7 +119,6 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
 
 
 def write_bench(case: Any, folder: Path, kind: str) -> list[str]:
-    """Write motor file and records of a case; return the arguments of the command."""
     machine = case.machine
     write_motor(case, folder)
     paths = []
@@ -162,7 +139,6 @@ def write_bench(case: Any, folder: Path, kind: str) -> list[str]:
 
 
 def described(folder: Path, case: Any) -> dict[str, Any]:
-    """Return what a run says, beside the truth."""
     import heatrun
     from heatrun.results.values import known
     from heatrun.runs.verdict import headline

@@ -167,7 +167,6 @@ def compiled(folder: Path) -> Follow:
 
 
 def built(folder: Path, harness: Path) -> Path:
-    """Return the program of an export and a harness."""
     program = folder / harness.stem
     subprocess.run([str(shutil.which("gcc") or "cc"), *STRICT, f"-I{folder}", "-o", str(program),
                     str(harness), str(folder / "thermal_network.c")], check=True)  # fmt: skip
@@ -185,7 +184,6 @@ def broken(
     fault: str, rows: np.ndarray, course: Columns, at: int, bench: dict[str, float],
     rng: np.random.Generator,
 ) -> np.ndarray:  # fmt: skip
-    """Return rows whose readings have a fault from one step on."""
     found, digit = rows.copy(), bench["digit_K"]
     late = found[at:, -1]
     if fault == "lost":
@@ -204,14 +202,12 @@ def broken(
 
 
 def without_reading(rows: np.ndarray, where: Any = slice(None)) -> np.ndarray:
-    """Return rows without readings."""
     found = rows.copy()
     found[where, -1] = np.nan
     return found
 
 
 def blanked(size: int) -> np.ndarray:
-    """Return whether the sensor is blanked, by step."""
     steps = np.arange(size)
     return (steps >= SETTLED_S) & ((steps - SETTLED_S) % EVERY_S < BLANK_S)
 
@@ -220,7 +216,6 @@ def judged(
     follow: Follow, record: tuple[np.ndarray, np.ndarray, Columns], bench: dict[str, float],
     rng: np.random.Generator,
 ) -> Row:  # fmt: skip
-    """Return what the observer makes of a held-out test, blanked, started wrong and broken."""
     rows, nodes, course = record
     is_blank, start = blanked(len(rows)), nodes[0, 0]
     T, sd, _ = follow(without_reading(rows, is_blank), start, 2.0)
@@ -261,7 +256,6 @@ def alarms_of(sensor: np.ndarray) -> int:
 
 
 def run(job: Row) -> Row:
-    """Calibrate and export one machine through the command, and follow it."""
     kind, is_plain, seed = job["kind"], job["is_plain"], job["seed"]
     rng = np.random.default_rng(seed)
     machine = drawn_machine(kind, rng)
@@ -297,7 +291,6 @@ def followed(
     follow: Follow, machine: Machine, bench: dict[str, float], job: Row, rng: np.random.Generator,
     has_speed: bool,
 ) -> Row:  # fmt: skip
-    """Return what the observer made of held-out tests and of clean duty cycles."""
     plans = [[TESTS[place % len(TESTS)]] for place in range(job["tests"])]
     tests = driven_records(machine, bench, plans, DRIVEN_S, rng, has_speed=has_speed)
     alarms = cycles = 0
@@ -311,7 +304,6 @@ def followed(
 
 
 def jobs(first_seed: int, machines: int, tests: int, hours: int, keep: str) -> list[Row]:
-    """Return the machines: the kinds by turns, each without and with its imperfections."""
     return [
         {"seed": seed, "kind": list(KINDS)[seed // 2 % len(KINDS)], "is_plain": seed % 2 == 0,
          "tests": tests, "hours": hours, "keep": keep}
@@ -320,7 +312,6 @@ def jobs(first_seed: int, machines: int, tests: int, hours: int, keep: str) -> l
 
 
 def rate(what: str, rows: Sequence[Row]) -> str:
-    """Return the row of false alarms, with the 95 % limits of a Poisson count."""
     count, hours = (sum(row[name] for row in rows) for name in ("false_alarms", "clean_h"))
     low = 500.0 / hours * chi2.ppf(0.025, 2 * count) if count else 0.0
     high, found = 500.0 / hours * chi2.ppf(0.975, 2 * count + 2), 1e3 * count / hours
@@ -331,7 +322,6 @@ def rate(what: str, rows: Sequence[Row]) -> str:
 
 
 def table(rows: Sequence[Row], seed: int) -> str:
-    """Return the table in Markdown."""
     done = [row for row in rows if "failure" not in row]
     halves = {"nothing hidden": ([r for r in done if r["is_plain"]], (93.0, 97.0)),
               "effects hidden": ([r for r in done if not r["is_plain"]], (88.0, 98.0))}  # fmt: skip

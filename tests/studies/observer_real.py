@@ -6,17 +6,13 @@ minutes at a time, and a start 30 K wrong. (The cooling alone tells no machine.)
 part of the project (`../shared/bench`): without it nothing is done.
 """
 
-import tempfile
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 from gate_rows import heads
 from observer import BLANK_S, EVERY_S, SETTLED_S, WRONG_K, alarms_of, compiled, without_reading
 from ordinary import stated_use
-from paderborn import MOTOR, columns_of
-from real_records import paderborn_record
-from study_runs import Row, command
+from paderborn import MOTOR, columns_of, paderborn_record
+from study_runs import Row, command, put, temporary
 
 STEP_S = 2.5
 FIRST_S = 300.0
@@ -34,16 +30,13 @@ def main() -> None:
         return
     record, out = found
     rows = [followed(record, fitted) for fitted in FITTED_UNTIL_S]
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "real.md").write_text(table(rows), encoding="utf-8")
+    put(out / "real.md", table(rows))
     print(table(rows))
 
 
 def followed(record: pd.DataFrame, fitted: str) -> Row:
-    """Calibrate on the first part, export, and follow the rest."""
     is_fitted = record.time_s < FITTED_UNTIL_S[fitted]
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary() as folder:
         (folder / "motor.toml").write_text(MOTOR, encoding="utf-8")
         pd.DataFrame(columns_of(record[is_fitted])).to_csv(folder / "fitted.csv", index=False)
         motor, test, run, c = (str(folder / n) for n in ("motor.toml", "fitted.csv", "run", "c"))
@@ -83,7 +76,6 @@ def followed(record: pd.DataFrame, fitted: str) -> Row:
 
 
 def table(rows: list[Row]) -> str:
-    """Return the table in Markdown."""
     lines = [
         "# The exported observer on a real record",
         "",

@@ -10,7 +10,6 @@ import json
 import os
 import re
 import sys
-import tempfile
 import time
 from collections.abc import Sequence
 from functools import partial
@@ -23,7 +22,7 @@ import numpy as np
 from gate_rows import at_least, at_most
 from ordinary_machines import KINDS, Case, make, resistance, structure_fitted, write_case
 from page_numbers import said_and_simulated
-from study_runs import Row, command, options_of, run_study
+from study_runs import Row, command, options_of, run_study, temporary
 
 REPORTING_SEED = 99_000
 """Tuning used those from 8000 on."""
@@ -66,7 +65,6 @@ def discovered(found: Row) -> list[Row]:
 
 
 def stated_parameters(fit: Row) -> dict[str, Row]:
-    """Return the entries of `fit.json` by the name that their truth has."""
     model = fit["models"]["second"]
     entries, derived = model["parameters"], model["derived"]
     found = {name: entries[name] for name in ("Ceq_w", "Ceq_sr", "Req_w")}
@@ -78,7 +76,6 @@ def stated_parameters(fit: Row) -> dict[str, Row]:
 
 
 def true_at(case: Case, condition: str, otherwise: float | None) -> float | None:
-    """Return the true resistance at the conditions that the page states, if it states any."""
     read = {name: float(number) for name, number in re.findall(
         r"(stator|sink) (-?\d+) °C", condition)}  # fmt: skip
     rpm = re.search(r"(\d+) rpm", condition)
@@ -90,7 +87,6 @@ def true_at(case: Case, condition: str, otherwise: float | None) -> float | None
 
 
 def stated_use(run_folder: Path) -> str:
-    """Return the verdict of page 1: usable, restricted or not usable."""
     import heatrun
     from heatrun.runs.verdict import headline
 
@@ -115,7 +111,6 @@ def instruments_told(fit: Row, wanted: dict[str, float]) -> list[str]:
 
 
 def jobs(first_seed: int, num: int, kinds: Sequence[str], discover: float) -> list[Row]:
-    """Return the cases, the kinds by turns; a share of them is discovered too."""
     listed = [
         {"kind": list(KINDS)[place % len(KINDS)], "seed": first_seed + place,
          "seeks": (place // len(KINDS) + 1) * discover % 1.0 < discover}
@@ -125,7 +120,6 @@ def jobs(first_seed: int, num: int, kinds: Sequence[str], discover: float) -> li
 
 
 def run(job: Row) -> Row:
-    """Run one case through the commands and return its row."""
     case = make(job["kind"], job["seed"])
     machine, begin = case.machine, time.process_time()
     structure = structure_fitted(case, job["seed"])
@@ -139,8 +133,7 @@ def run(job: Row) -> Row:
             for cause, alone in case.alone_K.items()
         },
     }  # fmt: skip
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary() as folder:
         *fitted, held_out = map(str, write_case(case, folder))
         for verb in ("calibrate", "discover")[: 1 + job["seeks"]]:
             begin, out = time.process_time(), folder / verb
@@ -152,7 +145,6 @@ def run(job: Row) -> Row:
 
 
 def described(folder: Path, row: Row, case: Case) -> Row:
-    """Return what a run folder says, beside the truth."""
     fit = json.loads((folder / "fit.json").read_text(encoding="utf-8"))
     path = folder / "discovery.json"
     found = json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
@@ -221,7 +213,6 @@ def held(rows: Sequence[Row], verb: str, by: str = "holdout_rmse_K") -> list[boo
 
 
 def gates(rows: Sequence[Row], verb: str) -> list[str]:
-    """Return the gates as rows of a table, for what a command said."""
     stated = [row for row in rows if row[verb]["use"] != "not usable"]
     usable = [row for row in rows if row[verb]["use"] == "usable"]
     lines = [

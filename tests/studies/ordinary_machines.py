@@ -35,8 +35,6 @@ Physics = dict[str, Any]
 
 
 class Kind(NamedTuple):
-    """What is usual in a kind of machine, and which imperfections it can have."""
-
     kW: Range  # at the shaft; of a coil its losses
     efficiency: Range
     kg: Range  # at 1 kW, and the power of the kilowatts that it grows with
@@ -129,12 +127,10 @@ class Machine:
 
     @property
     def rise_K(self) -> float:
-        """Rise of the stator at a usual load [K]."""
         watts = sum(self.rated[f"{name}_W"] for name in ("copper", "iron", "friction", "rotor"))
         return 0.8 * watts * resistance(self.physics, 40.0, float(not self.is_coil), 0.0)
 
     def names(self, cause: str) -> set[str]:
-        """Return the ids of the effects that say what an imperfection is."""
         if cause == "rotor" and self.physics["phi"]:
             return {"rotor_node", "housing_node"}  # its shell stands between stator and air
         if cause == "stray" and self.is_coil:
@@ -260,7 +256,6 @@ OF_THE_SINK = {"sink_K": 0.4}
 
 
 def driven(machine: Machine, course: Columns) -> dict[str, np.ndarray]:
-    """Return what drives a machine at the current, speed, torque and sink of a course."""
     rated = machine.rated
     speed = course["rpm"] / rated["rpm"] if rated["rpm"] else np.zeros_like(course["rpm"])
     load = course["amps"] / rated["A"]
@@ -358,13 +353,7 @@ def lagged(degC: np.ndarray, lag_s: float, step_s: float) -> np.ndarray:
 
 
 def without(machine: Machine, cause: str, rise_K: float) -> Physics:
-    """Return the figures of a machine without an imperfection, else as alike as can be.
-
-    Args:
-        machine: It.
-        cause: The imperfection.
-        rise_K: Rise of the stator at which it loses as much as before [K].
-    """
+    """Return the figures of a machine without an imperfection, else as alike as can be."""
     p = machine.physics
     path = p["G_sb"] * p["G_ba"] / max(p["G_sb"] + p["G_ba"], 1e-9)
     gone = dict.fromkeys(FREE[cause], 0.0)
@@ -396,8 +385,6 @@ def resistance(p: Physics, rise_K: float, speed: float, rotor_W: float) -> float
 
 @dataclass(frozen=True)
 class Case:
-    """A machine and what was recorded of it."""
-
     machine: Machine  # The machine.
     tests: dict[str, Columns]  # What was read, by name of the test; the last is held out.
     courses: dict[str, Columns]  # What was true in each.
@@ -431,7 +418,6 @@ class Case:
 
 
 def make(kind: str, seed: int, *, is_plain: bool = False) -> Case:
-    """Return the case of a seed; a plain one is without its imperfections."""
     rng = np.random.default_rng(seed)
     machine = drawn_machine(kind, rng)
     machine = plain(machine) if is_plain else machine
@@ -457,7 +443,6 @@ def make(kind: str, seed: int, *, is_plain: bool = False) -> Case:
 
 
 def plain(machine: Machine) -> Machine:
-    """Return a machine without its imperfections, else as alike as can be."""
     for cause in machine.present:
         machine = replace(machine, physics=without(machine, cause, machine.rise_K))
     return replace(machine, drawn=())
@@ -495,7 +480,6 @@ def run_courses(
 
 
 def course_of(machine: Machine, rows: np.ndarray, rng: np.random.Generator) -> Columns:
-    """Return time, torque, speed, current and sink of a test, `FINE` times to a step."""
     edges = np.concatenate([[0.0], np.cumsum(rows[:, 0])])
     time = np.arange(int(edges[-1] / STEP_S) * FINE) * STEP_S / FINE
     held = np.minimum(np.searchsorted(edges, time, side="right") - 1, len(rows) - 1)
@@ -534,7 +518,6 @@ def bench_of(machine: Machine, rng: np.random.Generator) -> dict[str, float]:
 def read_by(
     machine: Machine, course: Columns, bench: dict[str, float], rng: np.random.Generator
 ) -> Columns:
-    """Return what the logger writes of a test."""
     time = np.arange(0.0, course["time"][-1], bench["sample_s"])
     place = (time * FINE / STEP_S).astype(int)
     rated = machine.rated
@@ -616,7 +599,6 @@ def structure_fitted(case: Case, seed: int) -> dict[str, Any]:
     )
 
     def errors(each: Sequence[Physics], num: int) -> list[list[np.ndarray]]:
-        """Return what figures predict less what was read, by lane and test."""
         starts = [read[:3].mean() for read in reads[:num]]
         with np.errstate(over="ignore", invalid="ignore"):  # where a step goes much too far
             T = march(machine, each, drives[:num], step, starts, is_balance=True)[:, 0]
@@ -685,7 +667,6 @@ def _means(values: np.ndarray, size: int) -> np.ndarray:
 
 
 def _blocks(machine: Machine, test: Columns, step_s: float) -> tuple[Columns, np.ndarray]:
-    """Return what drives the fitted march, means over its steps, and the readings."""
     size = round(step_s / (test["time"][1] - test["time"][0]))
     still = np.zeros_like(test["time"])
     course = {"rpm": still, "torque": still} | test

@@ -9,18 +9,19 @@ of the project: without it, nothing is done.
 """
 
 import argparse
-import tempfile
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from study_runs import put, temporary
 
 import heatrun
 from heatrun.runs.verdict import headline
 
 PARAMETERS = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
-RECORD = Path("..") / "shared" / "bench" / "paderborn_profile24_heatrun_2p5s.csv.gz"
+BENCH = Path("..") / "shared" / "bench"
+PADERBORN = "paderborn_profile24_heatrun_2p5s.csv.gz"
 BODIES = {
     "none": "",
     "yoke": '[sensors]\nyoke_degC = "stator"\n',
@@ -63,17 +64,12 @@ reference_temperature_degC = 70.0
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--record", type=Path, default=RECORD)
-    parser.add_argument("--out", type=Path, default=Path("results") / "real")
-    options = parser.parse_args()
-    if not options.record.exists():
-        print(f"{options.record} is not there: nothing is done.")
+    found = paderborn_record(__doc__ or "", "real")
+    if found is None:
         return
-    record = pd.read_csv(options.record)
+    record, out = found
     runs, larger = {}, {}
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary() as folder:
         for part in PARTS:
             for body, said in BODIES.items():
                 runs[part, body] = calibrated(record, part, said, "second", folder)
@@ -82,14 +78,26 @@ def main() -> None:
             (folder / f"{network}.toml").write_text(text, encoding="utf-8")
             larger[network] = calibrated(record, "whole", "", f"{folder / network}.toml", folder)
             print(f"whole, {network}: {', '.join(warnings(larger[network]))}", flush=True)
-    options.out.mkdir(parents=True, exist_ok=True)
-    (options.out / "paderborn.md").write_text(table(runs, larger), encoding="utf-8")
+    put(out / "paderborn.md", table(runs, larger))
+
+
+def paderborn_record(description: str, out: str) -> tuple[pd.DataFrame, Path] | None:
+    """Return the record of profile 24 and the folder of the results, as the options of a study say;
+    None, with a word, where the record is not at hand.
+    """
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("--bench", type=Path, default=BENCH)
+    parser.add_argument("--out", type=Path, default=Path("results") / out)
+    options = parser.parse_args()
+    if not (options.bench / PADERBORN).exists():
+        print(f"{options.bench / PADERBORN} is not there: nothing is done.")
+        return None
+    return pd.read_csv(options.bench / PADERBORN), options.out
 
 
 def calibrated(
     record: pd.DataFrame, part: str, sensors: str, network: str, folder: Path
 ) -> heatrun.Run:
-    """Return the run of one part, as read back from its folder."""
     first, last = PARTS[part]
     chosen = record[(record.time_s >= first) & (record.time_s < last)]
     motor, test = folder / "motor.toml", folder / f"{part}.csv"
@@ -100,7 +108,6 @@ def calibrated(
 
 
 def columns_of(chosen: pd.DataFrame) -> dict[str, pd.Series]:
-    """Return rows of the recording as channels of heatrun, time from their first one."""
     shaft = chosen.torque_Nm * chosen.speed_rpm * np.pi / 30.0
     return {
         "time_s": chosen.time_s - chosen.time_s.iloc[0],
@@ -118,12 +125,10 @@ def columns_of(chosen: pd.DataFrame) -> dict[str, pd.Series]:
 
 
 def warnings(run: heatrun.Run) -> list[str]:
-    """Return the findings that warn, each once."""
     return [*dict.fromkeys(f.id for f in run.result.findings if f.severity == "warning")]
 
 
 def table(runs: dict[tuple[str, str], heatrun.Run], larger: dict[str, heatrun.Run]) -> str:
-    """Return the tables in Markdown."""
     lines = [
         "# One motor, parts of one record",
         "",
@@ -177,13 +182,11 @@ def table(runs: dict[tuple[str, str], heatrun.Run], larger: dict[str, heatrun.Ru
 
 
 def is_certified(run: heatrun.Run, name: str) -> bool:
-    """Return whether page 1 may be used, and a parameter on it is identified."""
     entry = run.result.models["second"].parameters[name]
     return headline(run.result).use != "not usable" and entry.identifiability == "identified"
 
 
 def _errors(run: heatrun.Run, network: str) -> str:
-    """Return the cells of errors, noise and warnings."""
     model = run.result.models[network]
     bodies = {row.body: f"{row.rmse_K:.2f} K" for row in model.bodies or ()}
     cells = [f"{model.residuals[0].rmse_K:.2f} K"]
@@ -198,7 +201,6 @@ def _interval(run: heatrun.Run, name: str) -> tuple[float, float]:
 
 
 def overlap(one: tuple[float, float], other: tuple[float, float]) -> bool:
-    """Return whether two intervals have a value in common."""
     return max(one[0], other[0]) <= min(one[1], other[1])
 
 

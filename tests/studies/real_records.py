@@ -6,7 +6,6 @@ is left out.
 """
 
 import argparse
-import tempfile
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,14 +14,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from exam import first_sentence
-from paderborn import MOTOR, columns_of
+from paderborn import BENCH, MOTOR, PADERBORN, columns_of
+from study_runs import put, temporary
 
 import heatrun
 from heatrun.calibration import Refused
 from heatrun.errors import InputError
 
-BENCH = Path("..") / "shared" / "bench"
-PADERBORN = "paderborn_profile24_heatrun_2p5s.csv.gz"
 NETWORKS = ("second", "cooled", "three", "four", "turning")
 TURNING = """[network]
 name = "turning"
@@ -107,8 +105,6 @@ hangs on the last digits, and page 1 says *not to be used*.
 
 @dataclass(frozen=True)
 class Row:
-    """One record and one network."""
-
     record: str  # What was recorded, and how it was read.
     network: str  # Name of the network; empty where no fit was tried.
     refused: str  # First sentence of the error, empty without one.
@@ -120,41 +116,24 @@ class Row:
     seconds: float  # Wall-clock time [s].
 
 
-def paderborn_record(description: str, out: str) -> tuple[pd.DataFrame, Path] | None:
-    """Return the record of profile 24 and the folder of the results, as the options of a study say;
-    None, with a word, where the record is not at hand.
-    """
-    parser = argparse.ArgumentParser(description=description)
-    parser.add_argument("--bench", type=Path, default=BENCH)
-    parser.add_argument("--out", type=Path, default=Path("results") / out)
-    options = parser.parse_args()
-    if not (options.bench / PADERBORN).exists():
-        print(f"{options.bench / PADERBORN} is not there: nothing is done.")
-        return None
-    return pd.read_csv(options.bench / PADERBORN), options.out
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bench", type=Path, default=BENCH)
     parser.add_argument("--out", type=Path, default=Path("results") / "real")
     options = parser.parse_args()
     rows = []
-    with tempfile.TemporaryDirectory() as name:
+    with temporary() as folder:
         for job in (*small_motor(options.bench / "tass"), *paderborn(options.bench / PADERBORN)):
-            rows.append(calibrated(job, Path(name)))
+            rows.append(calibrated(job, folder))
             print(line(rows[-1]), flush=True)
             # what is done stays, where the study is stopped
-            options.out.mkdir(parents=True, exist_ok=True)
-            (options.out / "table.md").write_text(table(rows), encoding="utf-8")
+            put(options.out / "table.md", table(rows))
     if not rows:
         print(f"{options.bench} holds no real records: nothing is done.")
 
 
 @dataclass(frozen=True)
 class Job:
-    """One fit that a user may ask for."""
-
     record: str  # As `Row.record`.
     network: str  # Name of the network.
     motor: str  # The motor file.
@@ -163,7 +142,6 @@ class Job:
 
 
 def paderborn(path: Path) -> Iterator[Job]:
-    """Yield the fits of profile 24."""
     if not path.exists():
         return
     record = pd.read_csv(path)
@@ -189,7 +167,6 @@ def small_motor(folder: Path) -> Iterator[Job]:
 
 
 def after_stop(path: Path, from_s: float) -> pd.DataFrame:
-    """Return the thermocouples' readings from a moment on."""
     whole = pd.read_csv(path, skiprows=6, encoding="utf-8-sig")
     minutes = whole["Time (s)"].str.split(":", expand=True).astype(float)
     whole["Time (s)"] = 60.0 * minutes[0] + minutes[1]
@@ -197,7 +174,6 @@ def after_stop(path: Path, from_s: float) -> pd.DataFrame:
 
 
 def calibrated(job: Job, folder: Path) -> Row:
-    """Return how a fit went."""
     began = time.monotonic()
     motor = folder / "motor.toml"
     motor.write_text(job.motor, encoding="utf-8")
@@ -240,7 +216,6 @@ def calibrated(job: Job, folder: Path) -> Row:
 
 
 def line(row: Row) -> str:
-    """Return a row of the table in Markdown."""
     if row.refused:
         return f"| {row.record} | {row.network} | {row.refused} | | | | | {row.seconds:.0f} s |"
     cells = []

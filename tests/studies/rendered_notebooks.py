@@ -47,7 +47,6 @@ def executed(book: Any, folder: Path) -> None:
 
 
 def rendered(book: Any, name: str) -> tuple[str, dict[str, bytes]]:
-    """Return a notebook that has been run as Markdown, and its figures by file name."""
     parts = [f"*`notebooks/{name}.ipynb` as it ran: `make notebooks-rendered`.*"]
     images: dict[str, bytes] = {}
     for cell in book.cells:
@@ -70,7 +69,6 @@ def rendered(book: Any, name: str) -> tuple[str, dict[str, bytes]]:
 
 
 def _fenced(text: str, language: str) -> str:
-    """Return text as a block of code, whatever marks it holds itself."""
     longest = max((len(run) for run in re.findall("`+", text)), default=0)
     fence = "`" * max(3, longest + 1)
     return f"{fence}{language}\n{text}\n{fence}"

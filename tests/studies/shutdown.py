@@ -7,17 +7,15 @@ earlier report; the report uses those from 60000 on.
 """
 
 import json
-import tempfile
 import time
 from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from gate_rows import at_most, heads, limits_95
 from gate_rows import covered as held
 from shutdown_machines import FIVE_IN_JACKET, OF_TWO, machine, two_nodes
-from study_runs import Row, command, options_of, run_study
+from study_runs import Row, command, options_of, run_study, temporary
 
 REPORTING_SEED = 60_000
 
@@ -114,7 +112,6 @@ def bench(seed: int, delay_s: float, kind: str) -> Row:
 
 
 def run(job: Row) -> Row:
-    """Return the row of a case: what the command wrote, beside the truth."""
     made = bench(job["seed"], job["delay_s"], job["kind"])
     began = time.process_time()  # other jobs may share the cores
     code, said = answer(made)
@@ -135,9 +132,7 @@ def run(job: Row) -> Row:
 
 
 def answer(made: Row) -> tuple[int | None, Row | None]:
-    """Return the exit code of the command, and what stands in the file that it wrote."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary() as folder:
         (folder / "motor.toml").write_text(made["motor"], encoding="utf-8")
         (folder / "readings.csv").write_text(made["readings"], encoding="utf-8")
         code, _ = command(["shutdown", f"{folder}/motor.toml", f"{folder}/readings.csv", "--out",
@@ -147,7 +142,6 @@ def answer(made: Row) -> tuple[int | None, Row | None]:
 
 
 def jobs(seed: int, share: float = 1.0) -> list[Row]:
-    """Return the cases, each with a seed of its own."""
     kinds = [(kind, delay) for kind, delay, num in PLAN for _ in range(max(1, round(share * num)))]
     return [
         {"seed": seed + place, "kind": kind, "delay_s": delay}
@@ -161,13 +155,11 @@ def errors(rows: Sequence[Row]) -> np.ndarray:
 
 
 def covered(row: Row) -> bool:
-    """Return whether the 95 % interval holds the truth."""
     low, high = row["winding_95_degC"]
     return low <= row["truth"] <= high
 
 
 def table(rows: Sequence[Row], seed: int) -> str:
-    """Return the table in Markdown."""
     answered = [row for row in rows if "winding_degC" in row]
     lines = [
         "# Shut-downs of simulated machines",
@@ -233,7 +225,6 @@ def table(rows: Sequence[Row], seed: int) -> str:
 
 
 def _sooner(refused: Sequence[Row]) -> str:
-    """Return whether a first reading at the time that was asked for would have done, in words."""
     found = [v for row in refused if (v := row.get("sooner_extrapolation_95_K")) is not None]
     if not found:
         return ""
@@ -288,7 +279,6 @@ def _by_hand(rows: Sequence[Row]) -> list[str]:
 
 
 def _gates(rows: Sequence[Row]) -> list[str]:
-    """Return the rows of the gates: bridges, first reading after 30 and 90 s."""
     if not rows:
         return []
     lines = [held("95 % intervals hold, 30 and 90 s", list(map(covered, rows)))]

@@ -18,8 +18,6 @@ COPPER_J, IRON_J = 385.0, 460.0
 
 @dataclass(frozen=True)
 class Machine:
-    """A machine of five nodes."""
-
     # Heat capacities of slot part, end winding, teeth, yoke with housing, rotor [J/K].
     C: np.ndarray
     # Conductances [W/K] slot-tooth, slot-end, end-housing, tooth-yoke, yoke-air, rotor-tooth.
@@ -36,7 +34,6 @@ class Machine:
     B: float  # Of the material [degC].
 
     def slope(self, T: np.ndarray, speed: float, *, is_on: bool) -> np.ndarray:
-        """Return the slopes of the nodes [K/s]."""
         slot_tooth, slot_end, end_housing, tooth_yoke, yoke_air, rotor_tooth = self.G
         slot, end, _, yoke, _ = T
         P = self.copper_W if is_on else 0.0
@@ -66,7 +63,6 @@ class Machine:
         return (1.0 - self.end_share) * T[0] + self.end_share * T[1]
 
     def cooled(self, time_s: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return the winding at switch-off and at times after it [degC]."""
         cold = np.full(5, self.ambient_degC)
         hot = solve_ivp(
             lambda t, T: self.slope(T, 1.0, is_on=True), (0.0, self.heated_s), cold,
@@ -108,7 +104,6 @@ OF_TWO = {
 
 
 def two_nodes(random: np.random.Generator, kind: str) -> TwoNodes:
-    """Return a machine of two nodes, warm or on its way there."""
     (fast, slow, shares), rise = OF_TWO[kind], random.uniform(60.0, 105.0)
     tau, slow_s = (np.exp(random.uniform(*np.log(ends))) for ends in (fast, slow))
     share = random.uniform(*shares)
@@ -129,8 +124,6 @@ def two_nodes(random: np.random.Generator, kind: str) -> TwoNodes:
 
 @dataclass(frozen=True)
 class Design:
-    """What a kind of cooling allows."""
-
     copper: float = 1.1  # Copper of a machine of 1 kW [kg].
     density: tuple[float, float] = (3.0, 7.5)  # Current density [A/mm2].
     # Losses of the rotor over those of the cold copper [1].

@@ -8,13 +8,12 @@ known. The record is not part of the project (`../shared/bench`): without it not
 import contextlib
 import io
 import json
-import tempfile
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from paderborn import MOTOR, columns_of
-from real_records import paderborn_record
+from paderborn import MOTOR, columns_of, paderborn_record
+from study_runs import put, temporary
 
 import heatrun
 from heatrun import cli
@@ -52,19 +51,16 @@ def main() -> None:
     if found is None:
         return
     record, out = found
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with temporary() as folder:
         run = calibrated(record, folder)
         rows = [
             answer(record, delay, folder, of_run) for delay in DELAYS_S for of_run in (None, run)
         ]
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "real.md").write_text(table(rows), encoding="utf-8")
+    put(out / "real.md", table(rows))
     print(table(rows))
 
 
 def calibrated(record: pd.DataFrame, folder: Path) -> Path:
-    """Return the run of the heating part."""
     motor, test = folder / "motor.toml", folder / "heating.csv"
     motor.write_text(MOTOR + SAID, encoding="utf-8")
     pd.DataFrame(columns_of(record[record.time_s < DROP_S - 10.0])).to_csv(test, index=False)
@@ -73,7 +69,6 @@ def calibrated(record: pd.DataFrame, folder: Path) -> Path:
 
 
 def answer(record: pd.DataFrame, delay_s: float, folder: Path, run: Path | None) -> dict[str, Any]:
-    """Return what the command wrote, and what the sensor had shown before the drop [degC]."""
     before = record[(record.time_s > DROP_S - 20.0) & (record.time_s < DROP_S)]
     since = record.time_s - DROP_S
     part = record[(since >= delay_s) & (since <= delay_s + READ_S)]
@@ -99,7 +94,6 @@ def answer(record: pd.DataFrame, delay_s: float, folder: Path, run: Path | None)
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """Return the table in Markdown."""
     lines = [
         "# A real load drop with its first readings hidden",
         "",

@@ -75,7 +75,6 @@ def commands(name: str) -> list[list[str]]:
 
 
 def main(names: list[str]) -> int:
-    """List the studies, or run one; the exit code is that of the first command that failed."""
     if len(names) != 1 or names[0] not in STUDIES:
         print("make study NAME=…")
         for name, study in STUDIES.items():

@@ -7,6 +7,7 @@ import json
 import multiprocessing
 import platform
 import sys
+import tempfile
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
@@ -25,14 +26,7 @@ Row = dict[str, Any]
 
 
 def options_of(doc: str | None, out: str, seed: int, **counts: int) -> argparse.ArgumentParser:
-    """Return the options that studies share.
-
-    Args:
-        doc: What the study says of itself.
-        out: Folder below `results`.
-        seed: The first of the reporting seeds.
-        **counts: Further numbers by their option.
-    """
+    """Return the options that studies share."""
     parser = argparse.ArgumentParser(description=doc)
     for name, count in {"seed": seed, **counts, "processes": 1}.items():
         parser.add_argument(f"--{name}", type=int, default=count)
@@ -140,7 +134,6 @@ def rows_done(path: Path, seed: int) -> list[Row]:
 
 
 def said_of(row: Row) -> str:
-    """Return what is printed of a finished case."""
     names = [finding[0] for finding in row.get("findings", [])]
     words = " ".join(str(row[key]) for key in ("kind", "variant", "seed") if key in row)
     return f"{words}: {names} {row.get('processor_s', 0.0):.0f} s {row.get('failure', '')}"
@@ -161,6 +154,19 @@ def write_rows(
     head = json.dumps(content, indent=1).removesuffix("\n}")
     lines = ",\n".join(f"  {json.dumps(row)}" for row in rows)
     path.write_text(f'{head},\n "rows": [\n{lines}\n ]\n}}\n', encoding="utf-8")
+
+
+@contextlib.contextmanager
+def temporary() -> Iterator[Path]:
+    """Give a folder that is gone afterwards."""
+    with tempfile.TemporaryDirectory() as name:
+        yield Path(name)
+
+
+def put(path: Path, text: str) -> None:
+    """Write a page into a folder that may not be there yet."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
 
 
 def command(arguments: list[str]) -> tuple[int | None, str]:

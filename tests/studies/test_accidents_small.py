@@ -6,7 +6,6 @@ from gate_rows import limits_95
 
 
 def test_clean_records_are_not_accused_and_accidents_are_named(tmp_path):
-    """One of each: a small version of the study."""
     names = ["", "sensor falls off", "a phase reads nothing", "marker in the power"]
     rows = [run({"accident": name, "seed": 1}, tmp_path) for name in names]
     assert all(is_named(row) for row in rows if row["accident"])

@@ -16,7 +16,6 @@ FALSE_ALARM = 1e-3
 
 @pytest.fixture(scope="module")
 def cases():
-    """Records of motors drawn from the prior, each with its fit."""
     import coverage_cases
     from coverage_cases import CELLS, Cell, make_case
 

@@ -12,7 +12,6 @@ COMMON = {"target_K": 0.8, "seed": DEVELOPMENT_SEED}
 
 @pytest.fixture(scope="module")
 def event():
-    """An event in the second of two tests."""
     from discovery_cases import run
 
     return run({"group": "event", "hidden": ("cooling_step",), "order": "second", "only_test": 1,
@@ -21,7 +20,6 @@ def event():
 
 @pytest.fixture(scope="module")
 def one_node():
-    """A cooled machine looked at from the first order."""
     from discovery_cases import run
 
     return run({"group": "one node", "hidden": ("speed_cooling",), "order": "first",

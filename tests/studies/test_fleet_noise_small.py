@@ -47,7 +47,6 @@ def test_the_files_are_the_ones_that_a_bench_leaves(tmp_path):
 
 @pytest.mark.slow
 def test_a_small_fleet_by_the_users_path(tmp_path, monkeypatch):
-    """The table counts what the row says."""
     monkeypatch.setattr("fleet_noise.NUM_NEXT", 4)
     monkeypatch.setattr("sys.argv", ["fleet_noise.py", "--seed", "700"])
     row = run({"seed": 700, "machines": 6, "workers": 1, "has_effect": True, "heat": 0.005})

@@ -1,9 +1,7 @@
 """A small version of the study of the observer: one machine by its true figures, one test."""
 
-import shutil
-
 import numpy as np
-import pytest
+from c_programs import SAID, needs_compiler
 from observer import (
     TESTS,
     WITHIN_S,
@@ -25,10 +23,6 @@ from heatrun.export.network_course import read_network
 from heatrun.model.model import Model
 from heatrun.record.motor import Motor
 from heatrun.record.record import Record
-
-needs_compiler = pytest.mark.skipif(
-    not (shutil.which("gcc") or shutil.which("cc")), reason="no C compiler"
-)
 
 
 @needs_compiler
@@ -54,14 +48,7 @@ def test_an_observer_of_the_true_figures_holds_its_band_and_tells_every_fault(tm
     missed = Missed(0.02, 1200.0, bench["noise_K"], bench["noise_s"], 0.0, sensor_K=0.55,
                     sink_K=0.5, share=0.01, losses=losses,
                     resolution_K=bench["digit_K"], answer=losses)  # fmt: skip
-    said = {
-        "run": "run",
-        "sha256": "0" * 64,
-        "machine": "machine",
-        "network": "second order",
-        "corrections": "by nothing",
-    }
-    for name, text in CSource.of(read_network(mat_bytes(variables)), missed, said).texts().items():
+    for name, text in CSource.of(read_network(mat_bytes(variables)), missed, SAID).texts().items():
         (tmp_path / name).write_bytes(text)
     spent = cost(tmp_path)
     assert 0.0 < spent["model_ns"] < spent["observer_ns"]

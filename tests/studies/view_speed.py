@@ -53,7 +53,6 @@ WATCH = """
 
 
 def main() -> None:
-    """Measure and write."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--samples", type=int, nargs="+", default=[100_000, 1_000_000])
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "view")
@@ -107,7 +106,6 @@ def viewed(folder: Path, log: Path | None = None) -> Iterator[tuple[str, Any, in
 
 
 def tour(out: Path) -> None:
-    """Write screenshots of bundled tests, light and dark, with the cursor over a plot."""
     with viewed(ROOT / "data" / "synthetic") as (url, page, _):
         for theme in ("default", "dark"):
             page.goto(f"{url}?test=duty_90min.csv.gz&type=thermal&theme={theme}")
@@ -121,7 +119,6 @@ def tour(out: Path) -> None:
 
 
 def measure(num_samples: int, out: Path) -> dict[str, float]:
-    """Return the figures for a record of `num_samples` samples, all channels shown."""
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary) / "long records"
         folder.mkdir()
@@ -180,7 +177,6 @@ def write_record(path: Path, num_samples: int) -> None:
 
 
 def wait_for_url(log: Path, server: subprocess.Popen) -> str:
-    """Return the address that the server says."""
     for _ in range(1200):
         found = re.search(r"http://[\d.]+:\d+/", log.read_text())
         if found:
@@ -192,13 +188,11 @@ def wait_for_url(log: Path, server: subprocess.Popen) -> str:
 
 
 def resident_MB(pid: int) -> float:
-    """Return the resident memory of a process [MB]; Linux."""
     status = Path(f"/proc/{pid}/status").read_text()
     return int(re.search(r"VmRSS:\s+(\d+)", status).group(1)) / 1e3
 
 
 def text(found: dict) -> str:
-    """Return the figures as Markdown."""
     lines = [
         "# The live view on long records",
         "",
