@@ -338,9 +338,11 @@ def unwrapped(seconds: np.ndarray, parts: str) -> tuple[np.ndarray, str]:
     """
     period = DAY_S if "h" in parts else HOUR_S
     known = np.flatnonzero(np.isfinite(seconds))
+    if "d" in parts or np.max(np.abs(seconds[known]), initial=0.0) >= period:
+        return seconds, ""
     steps = np.diff(seconds[known])
     turns = steps < 0
-    if "d" in parts or not turns.any() or np.nanmax(seconds) >= period:
+    if not turns.any():
         return seconds, ""
     forward = steps[steps > 0]
     step = float(np.median(forward)) if forward.size else 0.0
