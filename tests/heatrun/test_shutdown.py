@@ -495,8 +495,8 @@ def test_the_certificate_holds_the_budget(command, tmp_path, capsys):
     reals = [float(each.findtext(f"{SI}value") or "") for each in budget.iter(f"{SI}real")]
     parts = [row["contribution"] for row in said["budget"]]
     assert reals == pytest.approx([*parts, said["gum_uncertainty_K"]], rel=5e-3, abs=1e-12)
-    words = [each.text or "" for each in budget.iter(f"{DCC}content")]
-    cold = words[words.index("cold resistance") + 1]
+    told = [each.text or "" for each in budget.iter(f"{DCC}content")]
+    cold = told[told.index("cold resistance") + 1]
     row = next(row for row in said["budget"] if row["source"] == "cold resistance")
     assert f"sensitivity {row['sensitivity']:.4g} K per 1" in cold
     first = next(answer.iter(f"{SI}real"))
