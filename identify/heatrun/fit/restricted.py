@@ -118,7 +118,12 @@ def marginal(
     pulled = products + jnp.diag(jnp.concatenate([corner, jnp.zeros(z.size)]))
     pulled = pulled.at[0, 1:].add(z).at[1:, 0].add(z)
     rest, log_det = eliminated(jnp.roll(pulled, (-1, -1), (0, 1)), z.size)
-    return -0.5 * rest[0, 0] - log_sd - log_det - 0.5 * jnp.sum(noise_z**2)
+    return _restricted(rest[0, 0], log_det, log_sd, noise_z)
+
+
+def _restricted(squares: Array, log_det: Array, log_sd: Array, noise_z: Array) -> Array:
+    """Return it from what the parameters leave of the squares, and half their log determinant."""
+    return -0.5 * squares - log_sd - log_det - 0.5 * jnp.sum(noise_z**2)
 
 
 def conditional(
@@ -134,8 +139,10 @@ def conditional(
     gradient = products[1:, 0] + z  # of half the sum of squares, prior included
     factor = jnp.linalg.cholesky(precision)
     half = jax.scipy.linalg.solve_triangular(factor, gradient, lower=True)
+    squares = products[0, 0] + jnp.sum(z**2) - jnp.sum(half**2)
+    log_det = jnp.sum(jnp.log(jnp.diag(factor)))
     step = jax.scipy.linalg.solve_triangular(factor.T, half, lower=False)
-    return Conditional(marginal(products, log_sd, noise_z, z), z - step, factor)
+    return Conditional(_restricted(squares, log_det, log_sd, noise_z), z - step, factor)
 
 
 def estimate_noise(
