@@ -55,8 +55,8 @@ NEAR = 2.5
 """Factor about time constants within which others are sought [1]."""
 
 LEAST_SHARE_LOST = 0.25
-"""Of the rise [1]: what a network of two nodes leaves of a fan or a rotor looks like less, 0.18 at
-most in 300 tests of ordinary machines."""
+"""Of the rise [1]: what a network of two nodes leaves of a fan or a rotor looks like less; 0.18 was
+seen."""
 
 BETTER = 0.25
 """Misfit with the contact put right over that with the readings as they are [1]: where a fan

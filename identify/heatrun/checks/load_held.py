@@ -117,20 +117,23 @@ def _losses_at_rest(record: Record) -> Iterator[Finding]:
     if "losses_W" not in of_the_load(record):
         return
     time_s, losses, current, speed = samples(record, "losses_W", "phase_current_A", "speed_rpm")
-    if time_s.size < LIVE_SAMPLES or not is_loaded(np.square(current)).any():
+    if time_s.size < LIVE_SAMPLES:
         return
+    flows = is_loaded(np.square(current))
     still = (np.abs(current) <= REST_SHARE * np.max(np.abs(current))) & (np.abs(speed) < 1.0)
-    usual = float(np.median(losses[is_loaded(np.square(current))]))
-    if np.sum(still) < LIVE_SAMPLES or np.median(losses[still]) < FLICKERS * usual:
+    if not flows.any() or np.sum(still) < LIVE_SAMPLES:
+        return
+    stated_W = float(np.median(losses[still]))
+    if stated_W < FLICKERS * np.median(losses[flows]):
         return
     yield Finding(
         "load_stuck",
         "error",
-        f"losses_W is {np.median(losses[still]):.6g} W while neither a current flows nor the shaft "
+        f"losses_W is {stated_W:.6g} W while neither a current flows nor the shaft "
         "turns: the losses are stated, not measured.",
         place(record, "losses_W", *map(float, time_s[still][[0, -1]])),
         "Take losses_W from a column that is measured, or from the powers.",
-        values={"value": float(np.median(losses[still]))},
+        values={"value": stated_W},
     )
 
 
@@ -154,7 +157,7 @@ def _is_steady(record: Record, channel: str, from_s: float, to_s: float) -> bool
 
 
 def _lost_power(record: Record, channel: str) -> tuple[float, float, float] | None:
-    """Return, as `_longest_held`, where a power reads nothing while current flows."""
+    """Return, as `longest_held`, where a power reads nothing while current flows."""
     if CHANNEL[channel].quantity != "power":
         return None
     time_s, values, current = samples(record, channel, "phase_current_A")

@@ -277,15 +277,12 @@ def _by_direction(
     columns = np.stack([*known, *(signed[name] for name in names)], axis=1)
     scale = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
     columns = columns / scale
-    every = np.arange(speed.size)
-    all_but = [np.setdiff1d(every, part) for part in np.array_split(every, NUM_PARTS)]
-    weights, *without = (_weights(columns[r], losses[r]) / scale for r in (every, *all_but))
-    unlike = ALIKE * np.sqrt(np.mean(losses**2)) / scale
-    spread = np.hypot(np.sqrt(NUM_PARTS - 1.0) * np.std(without, axis=0), unlike)
+    weights, spread = (each / scale for each in _by_parts(columns, losses))
+    spread = np.hypot(spread, ALIKE * np.sqrt(np.mean(losses**2)) / scale)
     left = _square(columns, losses)
     for at, name in enumerate(names, len(known)):
         others = np.delete(columns, at, axis=1)
-        is_apart = _square(others, columns[:, at]) > 1e-3 * speed.size
+        is_apart = _square(others, columns[:, at]) > LEAST_APART * speed.size
         # else current and speed tell the sign
         if is_apart and left < (1.0 - EXPLAINED) * _square(others, losses):
             error = float(weights[at])
@@ -320,12 +317,9 @@ def excess_of_shaft(record: Record, motor: Motor) -> float | None:
     columns = columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
     if _square(columns[:, :-1], columns[:, -1]) < LEAST_APART * speed.size:
         return None
-    every, scale = np.arange(speed.size), max(float(np.sqrt(np.mean(power**2))), 1e-300)
-    parts = [np.setdiff1d(every, part) for part in np.array_split(every, NUM_PARTS)]
-    all_of_it, *without = (float(_weights(columns[r], losses[r])[-1]) / scale
-                           for r in (every, *parts))  # fmt: skip
-    spread = float(np.sqrt(NUM_PARTS - 1.0) * np.std(without))
-    return all_of_it if all_of_it - SIGMAS * spread > LARGEST_GAIN else None
+    scale = max(float(np.sqrt(np.mean(power**2))), 1e-300)
+    excess, spread = (float(each[-1]) / scale for each in _by_parts(columns, losses))
+    return excess if excess - SIGMAS * spread > LARGEST_GAIN else None
 
 
 def _words(name: str, error: float) -> str:
@@ -340,6 +334,14 @@ def _words(name: str, error: float) -> str:
         f"more as a {'motor' if error > 0.0 else 'generator'}: torque and electrical power do not "
         "have one scale."
     )
+
+
+def _by_parts(columns: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the weights of columns in values, and their spread without each part of the test."""
+    every = np.arange(values.size)
+    all_but = [np.setdiff1d(every, part) for part in np.array_split(every, NUM_PARTS)]
+    weights, *without = (_weights(columns[r], values[r]) for r in (every, *all_but))
+    return weights, np.sqrt(NUM_PARTS - 1.0) * np.std(without, axis=0)
 
 
 def _weights(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
