@@ -243,7 +243,7 @@ INPUTS = ("current2", "stray", "iron", "rotor", "cooling", "known", "friction", 
 """What drives a march; `known` are watts beside copper and friction, or the measured balance, and
 `electric` and `shaft` what errors of their instruments act on."""
 
-INSTRUMENTS = {"ohm": 0.014, "watts_off": 0.01, "shaft_off": 0.01, "zero_off": 1e-3,
+INSTRUMENTS = {"ohm_off": 0.014, "watts_off": 0.01, "shaft_off": 0.01, "zero_off": 1e-3,
                "read_off": 0.005, "read_K": 0.5, "sink_K": 0.5}  # fmt: skip
 """Widths of heatrun's priors of instruments: shares (a zero of the rated torque), K. The
 resistance stands for the current too."""
@@ -307,7 +307,8 @@ def march(
     inputs = np.repeat(np.array(padded).transpose(2, 1, 0), len(each), axis=2)
     begin = np.array(starts or [drive["sink"][0] for drive in drives])
     p = {name: np.array([q[name] for _ in drives for q in each]) for name in each[0]}
-    ohms, share = machine.phases * p["ohm"], np.array([1.0 - p["phi"], p["phi"]])
+    ohms = machine.phases * p["ohm"] * (1.0 + p["ohm_off"])
+    share = np.array([1.0 - p["phi"], p["phi"]])
     G_ws, G_sr, G_sb, G_ba = (p[name] for name in ("G_ws", "G_sr", "G_sb", "G_ba"))
     capacity = np.array([p[name] for name in ("C_w", "C_s", "C_r", "C_b")])
 
@@ -638,8 +639,6 @@ def structure_fitted(case: Case, seed: int) -> dict[str, Any]:
         def figures(x: np.ndarray) -> Physics:
             factors = np.exp(np.clip(x[:num], -4.0, 4.0))
             off = {n: sd * y for (n, sd), y in zip(widths.items(), x[num:], strict=True)}
-            if "ohm" in off:
-                off["ohm"] = ohm * (1.0 + off["ohm"])
             return base | {n: base[n] * f for n, f in zip(names, factors, strict=True)} | off
 
         def stacked(rows: Sequence[np.ndarray]) -> np.ndarray:  # in units of 0.3 K
@@ -659,11 +658,11 @@ def structure_fitted(case: Case, seed: int) -> dict[str, Any]:
         squares = [np.mean(_means(row, round(BLOCK_S / step)) ** 2) for row in rows]
         return float(np.sqrt(np.mean(squares[:-1]))), float(np.sqrt(squares[-1]))
 
-    ohm = machine.physics["ohm"] * (1.0 + case.bench["ohm"])  # as the motor file has it
+    stated = machine.physics | {"ohm": machine.physics["ohm"] * (1.0 + case.bench["ohm"])}
     widths = INSTRUMENTS | {"zero_off": INSTRUMENTS["zero_off"] * machine.rated["Nm"]}
-    widths |= {"ohm": OHM_OF_COIL} if machine.is_coil else {}
+    widths |= {"ohm_off": OHM_OF_COIL} if machine.is_coil else {}
     rmse, held_out = fit(machine.physics, machine.present, 15)
-    _, instruments = fit(machine.physics, machine.present, 15, widths=widths)
+    _, instruments = fit(stated, machine.present, 15, widths=widths)
     rng = np.random.default_rng(seed)
     unknowing = [fit(machine.physics, machine.present, 15, rng)[1] for _ in range(NUM_PRIORS)]
     refit = {}
