@@ -38,7 +38,14 @@ from .load_spike import load_spike, spike_windows
 from .losses import current_amplitude, losses_below_copper, losses_negative, losses_of_shaft
 from .presence import missing_channel, nan_block, too_few_samples
 from .same_quantity import columns_disagree
-from .sensor import loses_contact, open_spans, sensor_detached, temperature_jump
+from .sensor import (
+    loses_contact,
+    open_spans,
+    sensor_detached,
+    sensor_pickup,
+    temperature_jump,
+    without_pickup,
+)
 from .standstill import current_scale_unchecked, resistance_coefficient, standstill_losses
 from .suitability import simulated_by_heatrun
 from .time_axis import (
@@ -75,6 +82,7 @@ CHECKS: tuple[Check, ...] = (
     unit_suspected,
     unit_assumed,
     load_late,
+    sensor_pickup,
     sensor_detached,
     temperature_jump,
     saturation,
@@ -241,6 +249,8 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
     if finding.id == "resistance_coefficient":
         B = finding.values["coefficient_degC"] or motor.resistance_coefficient_degC
         return record, replace(motor, resistance_coefficient_degC=B)
+    if finding.id == "sensor_pickup":
+        return without_pickup(record, finding), motor
     if finding.id == "sensor_detached" and "reading_degC" in finding.values:
         return _without_open(record, channel_of(finding)), motor
     if finding.id in OF_THE_READING and channel_of(finding) != "winding_degC":

@@ -1,6 +1,7 @@
 """Does the temperature sensor hang on, or has it come off or broken?"""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -185,6 +186,77 @@ def jumps_at_once(record: Record, motor: Motor) -> Iterator[Finding]:
                 **until,
             },
         )
+
+
+STEPS_BY, STILL_BY = 0.2, 0.05
+"""Of the largest current [1]: a step is more than the one, and what lies beside it less than the
+other."""
+
+LAWS = (0.0, 1.0, 2.0)
+"""Exponents of the current by which a sensor's line may pick it up [1]."""
+
+FEWEST_STEPS, ALIKE, MOSTLY = 3, 0.3, 0.8
+"""Steps that tell it; of so many [1] the jump over the step of the law agrees to this share [1]."""
+
+
+def sensor_pickup(record: Record, motor: Motor) -> Iterator[Finding]:
+    """Warn of a winding's reading that jumps with the current, up and down.
+
+    Counted is what the reading moves within two samples about a step, beyond both slopes beside it:
+    a temperature changes its slope there. Below what `jumps_at_once` allows it is the fit's to see.
+    """
+    time_s, winding, current = samples(record, "winding_degC", "phase_current_A")
+    largest_A = float(np.max(np.abs(current), initial=0.0))
+    if time_s.size < 10 or not 0.0 < largest_A < np.inf:
+        return
+    ratio = np.abs(current) / largest_A
+    change = np.abs(np.diff(ratio))
+    at = np.arange(2, time_s.size - 4)
+    is_still = np.maximum(change[at - 1], change[at + 1]) < STILL_BY
+    at = at[(change[at] > STEPS_BY) & is_still]
+    if at.size < FEWEST_STEPS:
+        return
+    slopes = np.array(
+        [(winding[to] - winding[to - 2]) / (time_s[to] - time_s[to - 2]) for to in (at, at + 4)]
+    )
+    lasts_s = time_s[at + 2] - time_s[at]
+    moved = winding[at + 2] - winding[at]
+    moved = moved - np.clip(moved, *(np.sort(slopes, axis=0) * lasts_s))
+    tried = []
+    for exponent in LAWS:
+        of_law = np.where(ratio > STILL_BY, ratio**exponent, 0.0)
+        steps = of_law[at + 1] - of_law[at]
+        told = np.abs(steps) > STEPS_BY
+        jumps_K = moved[told] / steps[told]
+        middle_K = float(np.median(jumps_K)) if told.any() else 0.0
+        is_alike = np.abs(jumps_K - middle_K) < ALIKE * abs(middle_K)
+        is_both = np.ptp(np.sign(steps[told][is_alike])) == 2.0 if is_alike.any() else False
+        if np.sum(is_alike) >= max(FEWEST_STEPS, MOSTLY * told.sum()) and is_both:
+            scatter = float(np.median(np.abs(jumps_K - middle_K))) / abs(middle_K)
+            tried.append((scatter, exponent, middle_K, int(np.sum(is_alike))))
+    slack = 2.0 * (rounding_step(winding) or 0.0) + NOISE_SIGMAS * _noise(winding)
+    tried = [one for one in tried if abs(one[2]) > MAX_RATE_K_PER_S * lasts_s.min() / 2.0 + slack]
+    if not tried:
+        return
+    _, exponent, rated_K, num_steps = min(tried)
+    yield Finding(
+        "sensor_pickup",
+        "warning",
+        f"The reading jumps with the current at {num_steps} load steps, by {rated_K:+.1f} K at "
+        f"{largest_A:.3g} A, and back: its line picks up the current.",
+        place(record, "winding_degC", *map(float, time_s[[int(at[0]), int(at[0]) + 2]])),
+        "Shield the sensor's line, twist it, keep it off the phases. A fit takes it out as the "
+        "effect sensor_pickup.",
+        values={"rated_K": rated_K, "exponent": exponent, "largest_A": largest_A},
+    )
+
+
+def without_pickup(record: Record, finding: Finding) -> Record:
+    """Return a record without what its winding's sensor picks up."""
+    ratio = np.abs(record["phase_current_A"]) / (finding.values["largest_A"] or 1.0)
+    law = np.where(ratio > STILL_BY, ratio ** (finding.values["exponent"] or 0.0), 0.0)
+    winding = record["winding_degC"] - (finding.values["rated_K"] or 0.0) * law
+    return replace(record, channels={**record.channels, "winding_degC": winding})
 
 
 def _left_out(record: Record, channel: str, *spans: tuple[float, float]) -> tuple[Part, ...]:

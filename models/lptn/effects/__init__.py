@@ -39,7 +39,7 @@ from .losses import (
     StrayLoadLoss,
     WindingResistance,
 )
-from .sensors import SensorContact, SensorGain, SensorLag, TimeShift
+from .sensors import SensorContact, SensorGain, SensorLag, SensorPickup, TimeShift
 
 EFFECTS: tuple[type[AbstractEffect], ...] = (
     Radiation,
@@ -69,6 +69,7 @@ EFFECTS: tuple[type[AbstractEffect], ...] = (
     SensorLag,
     SensorContact,
     SensorGain,
+    SensorPickup,
     TimeShift,
 )
 """Every effect that the library knows, by class; the id stands on `card.id`."""

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from ..inputs import Inputs
 from ..network import lagged
-from .base import EffectCard, Quantity, SensorEffect
+from .base import EffectCard, Quantity, SensorEffect, power
 
 
 class SensorLag(SensorEffect):
@@ -108,6 +108,54 @@ class SensorGain(SensorEffect):
     ) -> Float[Array, " edge"]:
         """As `SensorEffect.observe`."""
         return reading + self.g * (reading - inputs.ambient_at_edges())
+
+
+class SensorPickup(SensorEffect):
+    r"""The sensor's line picks up the current: what it reads moves at once with the load.
+
+    $$ T_m = T_w + p\,|I/I_N|^n $$
+
+    Ground loops and direct current in the leads go with the current (n = 1), interference of the
+    inverter comes as it switches (n towards 0), what an amplifier rectifies goes with the power of
+    it (n = 2). An interval in which the current steps holds what comes before and after it, in the
+    shares that its mean square tells; the edges take the mean of the intervals beside them.
+
+    Valid for: a filter of the sensor that is fast against the intervals.
+    """
+
+    p: Float[Array, ""]
+    n: Float[Array, ""]
+
+    card: ClassVar[EffectCard] = EffectCard(
+        id="sensor_pickup",
+        family="sensor",
+        law="Tm = Tw + p |I/IN|^n",
+        needs=(),
+        signature="the reading jumps at every step of the current, and back",
+        separating_test="the load switched off for a second: no winding cools by kelvins in it",
+        parameters={
+            "p": Quantity("K", 0.0, -10.0, 10.0, 2.0, "what the current adds, rated"),
+            "n": Quantity("1", None, 0.05, 2.0, 1.0, "exponent of the current"),
+        },
+    )
+
+    def observe(
+        self,
+        reading: Float[Array, " edge"],
+        temperature: Mapping[str, Float[Array, " edge"]],
+        inputs: Inputs,
+    ) -> Float[Array, " edge"]:
+        """As `SensorEffect.observe`."""
+        square = inputs.drive().current_ratio_squared
+        padded = jnp.concatenate([square[:1], square, square[-1:]])
+        before, after = padded[:-2], padded[2:]
+        law = power(square, 0.5 * self.n)
+        from_law, to_law = power(before, 0.5 * self.n), power(after, 0.5 * self.n)
+        share = (square - before) / jnp.where(after == before, 1.0, after - before)
+        is_step = (after != before) & (share > 0.0) & (share < 1.0)
+        law = jnp.where(is_step, from_law + share * (to_law - from_law), law)
+        padded = jnp.concatenate([law[:1], law, law[-1:]])
+        return reading + 0.5 * self.p * (padded[:-1] + padded[1:])
 
 
 class TimeShift(SensorEffect):
