@@ -75,6 +75,11 @@ def of_balance(record: Record, electrical_W: np.ndarray, shaft_W: np.ndarray) ->
     return replace(changed(columns, losses_W=electrical_W - shaft_W), mapping=mapping)
 
 
+PICKS_UP = changed(
+    SMOOTH, winding_degC=SMOOTH["winding_degC"] - 6.0 * SMOOTH["phase_current_A"] / 160.0
+)
+STEPS = np.flatnonzero(np.abs(np.diff(SMOOTH["phase_current_A"])) > 40.0)
+
 FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
     "missing_channel": (without(CLEAN, "losses_W"), MOTOR, "error", "", (0, 0)),
     "simulated_by_heatrun": (
@@ -126,6 +131,7 @@ FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
         edited(CLEAN, "winding_degC", 300.0, 700.0, 60.0), MOTOR, "error", "from_s", (200, 320)
     ),
     "sensor_detached": (fell_off(CLEAN, 2000.0), MOTOR, "error", "to_s", (2000, 2012)),
+    "sensor_pickup": (PICKS_UP, MOTOR, "warning", "rated_K", (-6.5, -5.5)),
     "temperature_jump": (
         edited(CLEAN, "winding_degC", 1500.0, 1e9, lambda T: T + 6.0),
         MOTOR, "error", "from_s", (1499, 1501),
@@ -240,6 +246,17 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
     "shifted by less than any machine moves in a second": (
         "temperature_jump",
         edited(every(CLEAN, 50), "winding_degC", 1520.0, 1e9, lambda T: T - 12.0), MOTOR, "error",
+    ),
+    "a line that picks up the current, no jumps": ("temperature_jump", PICKS_UP, MOTOR, None),
+    "one shift with a load step": (
+        "temperature_jump",
+        edited(SMOOTH, "winding_degC", SMOOTH.time_s[STEPS[3] + 1], 1e9, lambda T: T + 6.0),
+        MOTOR, "error",
+    ),
+    "one shift with a load step, no pickup": (
+        "sensor_pickup",
+        edited(SMOOTH, "winding_degC", SMOOTH.time_s[STEPS[3] + 1], 1e9, lambda T: T + 6.0),
+        MOTOR, None,
     ),
     "below the housing": (
         "sensor_detached",

@@ -82,6 +82,18 @@ def test_a_trace_neither_enters_the_model_nor_takes_the_place_of_an_effect(searc
     assert "time_shift" not in searched.ids
 
 
+def test_what_the_line_of_the_sensor_picks_up_is_no_fast_body(hidden_bench):
+    case, motor, (staircase, _), _ = machine(hidden_bench, ("sensor_pickup",), 45, amplitude=1.0)
+    model = Model.of("second", motor).scaled(motor, [staircase])
+    searched = find(model, motor, [model.with_bodies(staircase)])
+    assert searched.ids == ("sensor_pickup",)
+    values = searched.fit.values()
+    assert values["Ceq_w"] == pytest.approx(case.machine.Ceq_w, rel=0.1)
+    largest = np.max(case.tests[0].columns["phase_current_A"])
+    rated_A = float(staircase.means["rated_current"])
+    assert values["sensor_pickup.p"] == pytest.approx(6.0 * rated_A / largest, rel=0.1)
+
+
 @pytest.fixture(scope="module")
 def search(two):
     _, motor, tests, _ = two

@@ -14,7 +14,7 @@ import lptn
 from lptn import EFFECTS, CopperLosses
 from lptn.effects import applies, build, build_all
 from lptn.effects.bodies import WindingNode
-from lptn.effects.sensors import TimeShift
+from lptn.effects.sensors import SensorPickup, TimeShift
 from lptn.stepping import heat_balance
 
 TEMPERATURE = {"winding": jnp.asarray(90.0), "stator": jnp.asarray(80.0)}
@@ -249,6 +249,29 @@ def test_a_shift_reads_between_the_edges_of_equal_intervals_as_of_any(delay):
         jax.jvp(lambda d, of=of: shifted(d, of), (at,), (ones,))[1] for of in (inputs, any_steps)
     ]
     np.testing.assert_allclose(slopes[0], slopes[1], atol=1e-6)
+
+
+@pytest.mark.parametrize("exponent", [0.05, 1.0, 2.0])
+def test_what_a_line_picks_up_is_there_at_once(exponent):
+    """A step inside an interval, a ramp, rest: by hand."""
+    current = np.array([0.0, 0.0, 50.0, 100.0, 100.0, 100.0, 100.0, 0.0, 0.0])
+    squared = current**2
+    squared[2] = 0.25 * 100.0**2  # the load comes after three quarters of it
+    inputs = lptn.Inputs(
+        step=jnp.asarray(2.0),
+        current_squared=jnp.asarray(squared),
+        losses=jnp.zeros(9),
+        ambient=jnp.full(9, 20.0),
+        rated_current=200.0,
+    )
+    picked_up = SensorPickup(jnp.asarray(4.0), jnp.asarray(exponent))
+    added = np.asarray(picked_up.observe(jnp.zeros(10), {}, inputs))
+    full = 4.0 * 0.5**exponent
+    np.testing.assert_allclose(added[[0, 1, 9]], 0.0, atol=1e-12)
+    np.testing.assert_allclose(added[[4, 5, 6, 7]], [full, full, full, 0.5 * full], rtol=1e-9)
+    # samples that end its intervals see it from the middle of the third on
+    seen = np.sum(0.25 * added[1:4] + 0.75 * added[2:5])
+    assert abs(seen - 1.5 * full) <= full / 16.0 + 1e-9  # of an interval, by straight lines
 
 
 Ceq_w, Ceq_sr, Req_w, Req_sr = 666.75, 15060.1, 0.14485, 0.11625

@@ -20,7 +20,7 @@ SHOWN = (
     "natural_convection", "speed_cooling", "fan_cooling", "cooling_step", "coolant_sink",
     "ambient_drift", "neighbour_body", "rotor_node", "ac_copper_loss", "iron_loss_in_winding",
     "external_loss", "bearing_friction", "stray_load_loss", "insulation_conductivity",
-    "contact_drift", "sensor_lag", "sensor_contact", "time_shift",
+    "contact_drift", "sensor_lag", "sensor_contact", "sensor_pickup", "time_shift",
 )  # fmt: skip
 """Effects that the study's tests can show at some plausible size."""
 

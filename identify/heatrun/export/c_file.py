@@ -61,8 +61,8 @@ link or node, where it stands at that of the effect."""
 OF_PLACE = {"end_winding_node": "p", "sensor_contact": "k"}
 """Effects by which the sensor sits between the winding and another node, and the share of that."""
 
-OF_READING = ("sensor_lag", "sensor_contact", "sensor_gain")
-"""What they do to the reading is in the observer; a gain is one of the bench's sensor."""
+OF_READING = ("sensor_lag", "sensor_contact", "sensor_gain", "sensor_pickup")
+"""What they do to the reading is in the observer; gain and pickup are of the bench's sensor."""
 
 LAWS = (*OF_LINK, *OF_NODE, *OF_NETWORK, "neighbour_body", "housing_node", "winding_node",
         *OF_READING)  # fmt: skip

@@ -28,7 +28,7 @@ from lptn import (
 )
 from lptn.effects import AbstractEffect, HeatEffect, NodeEffect
 from lptn.effects.bodies import WindingNode
-from lptn.effects.sensors import SensorLag, TimeShift
+from lptn.effects.sensors import SensorLag, SensorPickup, TimeShift
 
 from .network_file import RPM, SIGNALS
 
@@ -328,7 +328,7 @@ def _extended(network: Network, effects: Sequence[AbstractEffect]) -> Network:
 
 def _longest(network: Network, effects: Sequence[AbstractEffect], time: np.ndarray) -> float:
     longest = SHARE_OF_NETWORK * float(longest_step(_extended(network, effects)))
-    if any(isinstance(effect, SensorLag | TimeShift) for effect in effects):
+    if any(isinstance(effect, SensorLag | SensorPickup | TimeShift) for effect in effects):
         sample = float(np.median(np.diff(time)))
         return min(longest, max(sample / LINES_PER_SAMPLE, SENSOR_STEP_S))
     return longest

@@ -154,8 +154,30 @@ class SensorPickup(SensorEffect):
         share = (square - before) / jnp.where(after == before, 1.0, after - before)
         is_step = (after != before) & (share > 0.0) & (share < 1.0)
         law = jnp.where(is_step, from_law + share * (to_law - from_law), law)
-        padded = jnp.concatenate([law[:1], law, law[-1:]])
-        return reading + 0.5 * self.p * (padded[:-1] + padded[1:])
+        return reading + self.p * _at_edges(law)
+
+
+def _at_edges(means: Float[Array, " time"]) -> Float[Array, " edge"]:
+    """Return what is held at the edges of intervals of one length, by their means.
+
+    It runs straight on from both sides, as far as the next mean: true at bends of straight lines,
+    and at a jump between the two.
+    """
+    first, last = _ahead(means[:3][::-1]), _ahead(means[-3:])
+    padded = jnp.concatenate([first[::-1], means, last])
+    now, then = padded[1:-2], padded[2:-1]
+    low, high = jnp.minimum(now, then), jnp.maximum(now, then)
+    from_before = jnp.clip(now + 0.5 * (now - padded[:-3]), low, high)
+    from_after = jnp.clip(then - 0.5 * (padded[3:] - then), low, high)
+    return 0.5 * (from_before + from_after)
+
+
+def _ahead(means: Float[Array, " time"]) -> Float[Array, "2"]:
+    """Return two means past the last: straight on, or as the last where it has just jumped."""
+    steps = jnp.diff(means[-3:], prepend=means[:1]) if means.size < 3 else jnp.diff(means)
+    smaller = jnp.min(jnp.abs(steps)) * jnp.sign(steps[-1])
+    slope = jnp.where(jnp.all(steps * steps[-1] > 0.0), smaller, 0.0)
+    return means[-1] + slope * jnp.arange(1.0, 3.0)
 
 
 class TimeShift(SensorEffect):

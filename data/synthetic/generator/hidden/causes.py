@@ -223,6 +223,11 @@ def sensor_gain(course: Course, load: Load, a: float, reading: Array) -> Array:
     return reading + 0.025 * a * (reading - load.ambient)
 
 
+def sensor_pickup(course: Course, load: Load, a: float, reading: Array) -> Array:
+    """A loop of earth in the leads, through the filter of an input card."""
+    return reading + 6.0 * a * lagged(load.current / np.max(load.current), 0.3)
+
+
 def time_shift(course: Course, load: Load, a: float, reading: Array) -> Array:
     """Another logger's clock."""
     return np.interp(load.time_s - 50.0 * a, load.time_s, reading)
@@ -281,7 +286,7 @@ HEAT: dict[str, Cause] = {
 """Causes in the machine, by the id of the catalogue's effect."""
 
 SENSOR: dict[str, Reading] = {
-    f.__name__: f for f in (sensor_lag, sensor_contact, sensor_gain, time_shift)
+    f.__name__: f for f in (sensor_lag, sensor_contact, sensor_gain, sensor_pickup, time_shift)
 }
 """Causes in the reading."""
 

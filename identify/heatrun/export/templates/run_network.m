@@ -269,7 +269,7 @@ for i = 1:num_samples - 1
               heat(body) = heat(body) + moved;
             end
           case {'neighbour_body', 'housing_node', 'sensor_lag', 'sensor_contact', ...
-              'sensor_gain', 'time_shift'}
+              'sensor_gain', 'sensor_pickup', 'time_shift'}
             % nothing in the balance
           otherwise
             error('The law of the effect %s is not in this script.', effects{e}.id);
@@ -324,6 +324,9 @@ for e = 1:numel(effects)
       reading = reading + q.k*(T(:, place(e)) - T(:, winding));
     case 'sensor_gain'
       reading = reading + q.g*(reading - sink);
+    case 'sensor_pickup'
+      square = interp1(t, x(:, 2), fine)/rated_current^2;
+      reading = reading + q.p*square.^(q.n/2);
     case 'time_shift'
       reading = interp1(fine, reading, min(max(fine - q.d, 0), fine(end)));
     case 'sensor_lag'
