@@ -79,6 +79,8 @@ PICKS_UP = changed(
     SMOOTH, winding_degC=SMOOTH["winding_degC"] - 6.0 * SMOOTH["phase_current_A"] / 160.0
 )
 STEPS = np.flatnonzero(np.abs(np.diff(SMOOTH["phase_current_A"])) > 40.0)
+SHIFTS_S = float(SMOOTH.time_s[STEPS[3] + 1])  # with a load step
+SHIFTED = edited(SMOOTH, "winding_degC", SHIFTS_S, 1e9, lambda T: T + 6.0)
 
 FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
     "missing_channel": (without(CLEAN, "losses_W"), MOTOR, "error", "", (0, 0)),
@@ -248,16 +250,15 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
         edited(every(CLEAN, 50), "winding_degC", 1520.0, 1e9, lambda T: T - 12.0), MOTOR, "error",
     ),
     "a line that picks up the current, no jumps": ("temperature_jump", PICKS_UP, MOTOR, None),
-    "one shift with a load step": (
+    "one shift with a load step": ("temperature_jump", SHIFTED, MOTOR, "error"),
+    "a shift of less than a second's heat with a load step": (
         "temperature_jump",
-        edited(SMOOTH, "winding_degC", SMOOTH.time_s[STEPS[3] + 1], 1e9, lambda T: T + 6.0),
+        edited(
+            every(SMOOTH, 10), "winding_degC", SHIFTS_S, 1e9, lambda T: T + 4.0
+        ),
         MOTOR, "error",
     ),
-    "one shift with a load step, no pickup": (
-        "sensor_pickup",
-        edited(SMOOTH, "winding_degC", SMOOTH.time_s[STEPS[3] + 1], 1e9, lambda T: T + 6.0),
-        MOTOR, None,
-    ),
+    "one shift with a load step, no pickup": ("sensor_pickup", SHIFTED, MOTOR, None),
     "below the housing": (
         "sensor_detached",
         changed(SMOOTH, housing_degC=SMOOTH["winding_degC"] + SLID_K),

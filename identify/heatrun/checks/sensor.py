@@ -11,6 +11,7 @@ from ..record.record import Finding, Record
 from ..record.samples import (
     channel_of,
     is_loaded,
+    median_step,
     place,
     rounding_step,
     runs,
@@ -22,7 +23,7 @@ from ..record.stretch import windows, within
 from .advice import Part, Remedy, exchange_line, mask_line, use_line
 from .contact import lost_contact
 from .frozen import Looked
-from .unexplained import WINDOWS_S, Movement
+from .unexplained import WINDOWS_S, Movement, leaps_K
 
 MAX_RATE_K_PER_S = 5.0
 """A winding heats adiabatically at rho J^2/(c d): with copper at 100 degC (2.3e-8 ohm m, 385 J/kg
@@ -202,8 +203,7 @@ FEWEST_STEPS, ALIKE, MOSTLY = 3, 0.3, 0.8
 def sensor_pickup(record: Record, motor: Motor) -> Iterator[Finding]:
     """Warn of a winding's reading that jumps with the current, up and down.
 
-    Counted is what the reading moves within two samples about a step, beyond both slopes beside it:
-    a temperature changes its slope there. Below what `jumps_at_once` allows it is the fit's to see.
+    Below what `jumps_at_once` allows it is the fit's to see.
     """
     time_s, winding, current = samples(record, "winding_degC", "phase_current_A")
     largest_A = float(np.max(np.abs(current), initial=0.0))
@@ -216,12 +216,7 @@ def sensor_pickup(record: Record, motor: Motor) -> Iterator[Finding]:
     at = at[(change[at] > STEPS_BY) & is_still]
     if at.size < FEWEST_STEPS:
         return
-    slopes = np.array(
-        [(winding[to] - winding[to - 2]) / (time_s[to] - time_s[to - 2]) for to in (at, at + 4)]
-    )
-    lasts_s = time_s[at + 2] - time_s[at]
-    moved = winding[at + 2] - winding[at]
-    moved = moved - np.clip(moved, *(np.sort(slopes, axis=0) * lasts_s))
+    moved = leaps_K(time_s, winding, at)
     tried = []
     for exponent in LAWS:
         of_law = np.where(ratio > STILL_BY, ratio**exponent, 0.0)
@@ -235,7 +230,7 @@ def sensor_pickup(record: Record, motor: Motor) -> Iterator[Finding]:
             scatter = float(np.median(np.abs(jumps_K - middle_K))) / abs(middle_K)
             tried.append((scatter, exponent, middle_K, int(np.sum(is_alike))))
     slack = 2.0 * (rounding_step(winding) or 0.0) + NOISE_SIGMAS * _noise(winding)
-    tried = [one for one in tried if abs(one[2]) > MAX_RATE_K_PER_S * lasts_s.min() / 2.0 + slack]
+    tried = [one for one in tried if abs(one[2]) > MAX_RATE_K_PER_S * median_step(time_s) + slack]
     if not tried:
         return
     _, exponent, rated_K, num_steps = min(tried)
