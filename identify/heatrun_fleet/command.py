@@ -11,7 +11,7 @@ from heatrun.commands.console import DONE, NOT_ALLOWED, bar, printable, say
 from heatrun.errors import UsageError
 
 if TYPE_CHECKING:
-    from ..job import FleetResult
+    from .job import FleetResult
 
 
 def add_parser(commands: Any) -> argparse.ArgumentParser:
@@ -78,9 +78,9 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> int:
     """Calibrate the machines and write their rows."""
-    from ..cluster import Workers
-    from ..fleet_file import load_fleet
-    from ..job import BATCH, calibrate_fleet_into, default_folder
+    from .cluster import Workers
+    from .fleet_file import load_fleet
+    from .job import BATCH, calibrate_fleet_into, default_folder
 
     workers = Workers(options.workers, options.scheduler, options.memory, _tls(options))
     if options.batch == 0:
@@ -107,8 +107,8 @@ def run(options: argparse.Namespace) -> int:
 def _print(result: FleetResult, *, discovers: bool, as_json: bool) -> None:
     from heatrun.results import to_json
 
-    from ..job import summary, summary_text
-    from ..shared_effects.job import discovery_text
+    from .job import summary, summary_text
+    from .shared_effects.job import discovery_text
 
     found = summary(result)
     shared = result.discovery() if discovers else None

@@ -1,1 +1,0 @@
-"""`heatrun fleet` and `heatrun population`, as the modules of `heatrun.commands`."""
