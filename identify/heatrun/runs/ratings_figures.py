@@ -164,7 +164,7 @@ def at_conditions(
     figures = {}
     for name, at in resistances(draw_values, seen).items():
         own = np.asarray(draw_values.values[name])
-        if AT_REST not in at and (_is_same(at[LOADED][0], own) or _prints_same(at[LOADED][0], own)):
+        if AT_REST not in at and _prints_same(at[LOADED][0], own):
             continue
         for ending, (draws, words) in at.items():
             entry = figure(draws, "K/W", words, plausible)
@@ -176,12 +176,10 @@ def at_conditions(
 
 def _prints_same(one: Float[np.ndarray, " draw"], other: Float[np.ndarray, " draw"]) -> bool:
     """Return whether two laws have the same median and interval, as the page has them."""
+    if np.allclose(one, other, rtol=SAME, equal_nan=True):
+        return True
     apart = np.quantile(one, PRINTED) - np.quantile(other, PRINTED)
     return bool(np.all(np.abs(apart) <= UNSEEN * np.std(other) + SAME * np.abs(np.mean(other))))
-
-
-def _is_same(one: Array | np.ndarray, other: Array | np.ndarray) -> bool:
-    return np.allclose(np.asarray(one), np.asarray(other), rtol=SAME, equal_nan=True)
 
 
 def resistances(
@@ -209,7 +207,7 @@ def resistances(
                 np.asarray(at[link]), _condition(seen, nodes, link, is_at_rest=ending == AT_REST)
             )
             for ending, at in ((LOADED, loaded), (AT_REST, rest))
-            if ending == LOADED or not _is_same(at[link], loaded[link])
+            if ending == LOADED or not _prints_same(np.asarray(at[link]), np.asarray(loaded[link]))
         }
         for link, parameter in draw_values.model.form.resistance
     }  # fmt: skip
