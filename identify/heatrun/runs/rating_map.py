@@ -26,7 +26,7 @@ from .figures_of_draws import DrawValues, alone, extrapolated, with_effects
 from .machine import RAD_PER_S, SAME_LOAD, Machine, Tested, machines
 from .ratings_figures import rates, rating
 from .run import Run
-from .stated_duty import Stated
+from .stated_duty import Stated, parse_rating
 
 SHORT = ("S2-60", "S2-30", "S2-10")
 """Time-limited duties, from cold: those of a map where none are asked for."""
@@ -105,7 +105,9 @@ def rating_map(
         )
         raise InputError(f"no map of ratings: {why}.", where=str(run.path), remedy=remedy)
     draws = run.draws(name)
-    base = alone(draws)
+    base, rated_A = alone(draws), run.motor.rated_current_A
+    for text in duties:  # wrong use is said before anything is computed
+        parse_rating(text, 1.0, rated_A, [base.model.form.nodes])
     draw_values = with_effects(draws, base, seen)
     levels = list(_levels(run, seen))
     tested = np.asarray([rpm for rpm, _, _ in levels])
@@ -114,7 +116,6 @@ def rating_map(
     asked = speeds or dict.fromkeys(np.round(tested).tolist())
     _refuse_unknown(run, (*base.model.effects, *draw_values.likely), seen, tested, asked)
     rows, endured = list[Permitted](), list[Endured]()
-    rated_A = run.motor.rated_current_A
     for rpm, given in sorted(asked.items()):
         at = _at(seen, rpm)
         wanted = float(np.interp(rpm, tested, watts)) if given is None else given

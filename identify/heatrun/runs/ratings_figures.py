@@ -54,7 +54,7 @@ from .figures_of_draws import (
     steady_rise,
     with_effects,
 )
-from .machine import Tested, UnderLoad, fixed_losses, machines, tested, under_load
+from .machine import Machine, Tested, UnderLoad, fixed_losses, machines, tested, under_load
 from .stated_duty import STANDING, Duty, Phase, Stated, other_nodes, parse_rating, phase_words
 
 
@@ -256,7 +256,8 @@ def derive(
     Args:
         posterior: Draws, of any network with any effects.
         duties: Ratings asked for, such as `"S2-30"` and `"time:150A:hot"`, as `parse_rating`.
-        budget: From `budget_of`, of the resistances at stated conditions; None for none.
+        budget: From `budget_of`, of resistances at stated conditions, time constants, steady rise
+            and continuous currents; None for none.
 
     Raises:
         UsageError: If a rating is none of these.
@@ -296,6 +297,8 @@ def derive(
     figures |= at_limit(drawn, seen, limit, heated)
     if rise is not None:
         figures |= within_rise(drawn, seen, rise, at, heated)
+    if budget is not None:
+        figures = _with_budgets(figures, drawn, times, budget)
     if not duties:
         return figures
     fast_s = float(np.median(times[:, 0]))
@@ -313,6 +316,24 @@ def derive(
             by_rms = current_by_rms(machine, asked, exact, fast_s)
             figures |= {} if by_rms is None else {f"{asked.name}_rms_current_A": by_rms}
     return figures
+
+
+def _with_budgets(
+    figures: Mapping[str, DerivedFigure], drawn: Machine, times: np.ndarray, budget: Budget
+) -> dict[str, DerivedFigure]:
+    """Return figures with where the uncertainty of those comes from that all draws have."""
+    behind = dict(zip(names_of_times(times.shape[-1]), times.T, strict=True)) | {
+        "steady_rise_K": drawn.rise,
+        "rise_margin_K": -drawn.rise,
+        "continuous_current_A": jnp.sqrt(drawn.limit_squared),
+        "continuous_current_by_rise_A": jnp.sqrt(drawn.permitted_squared),
+    }
+    found = dict(figures)
+    for name in behind.keys() & figures.keys():
+        draws = np.asarray(behind[name])
+        if np.all(np.isfinite(draws)) and not known(figures[name].refused):
+            found[name] = replace(figures[name], budget=budget(draws))
+    return found
 
 
 def rating(
