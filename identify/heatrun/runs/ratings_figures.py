@@ -309,12 +309,7 @@ def derive(
                     rated or seen.amperes)  # fmt: skip
     by = "continuous_current_A" if rise is None else "continuous_current_by_rise_A"
     for text in duties:
-        asked, found = rating(machine, text, figures[by], rated)
-        figures |= found
-        if text.lower().endswith(".csv") and isinstance(asked, Duty):
-            (exact,) = found.values()
-            by_rms = current_by_rms(machine, asked, exact, fast_s)
-            figures |= {} if by_rms is None else {f"{asked.name}_rms_current_A": by_rms}
+        figures |= rating(machine, text, figures[by], rated, fast_s)[1]
     return figures
 
 
@@ -341,6 +336,7 @@ def rating(
     text: str,
     by_S1: DerivedFigure,
     rated_A: float | None,
+    fast_s: float,
     nodes: Sequence[Collection[str]] = (),
 ) -> tuple[Duty | Stated, dict[str, DerivedFigure]]:
     """Return what a text of `--rating` asks for, and the figures that answer it, by name.
@@ -350,6 +346,7 @@ def rating(
         text: As `parse_rating`.
         by_S1: Its continuous current.
         rated_A: Rated current [A]; None where the motor file gives none.
+        fast_s: Fastest time constant of the network alone [s].
         nodes: As `parse_rating`.
 
     Raises:
@@ -359,7 +356,10 @@ def rating(
     if isinstance(asked, Stated):
         return asked, until_limit(rated, asked)
     current = by_S1 if text == "S1" else duty_current(rated, asked)
-    return asked, {f"{asked.name}_current_A": current}
+    found = {f"{asked.name}_current_A": current}
+    is_file = text.lower().endswith(".csv")
+    by_rms = current_by_rms(rated, asked, current, fast_s) if is_file else None
+    return asked, found if by_rms is None else {**found, f"{asked.name}_rms_current_A": by_rms}
 
 
 def _time_constants(
