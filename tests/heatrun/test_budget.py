@@ -18,9 +18,10 @@ from heatrun.model.model import Model
 from heatrun.model.problem import Problem
 from heatrun.posterior.posterior import normal_draws
 from heatrun.record.motor import ParameterOverride
-from heatrun.reports.certificate import parameter_lines
+from heatrun.reports.certificate import figure_lines, parameter_lines
 from heatrun.reports.content import _budget
 from heatrun.reports.dcc import dcc_text
+from heatrun.reports.printed import format_value
 from heatrun.results import FitResult
 from heatrun.results.values import Part, budget, combined, from_json
 from heatrun.runs.figures_of_draws import HEAT, NOISE, SMALL_EFFECTS, UNDECIDED, budget_of
@@ -134,8 +135,12 @@ def test_sheet_and_certificate_state_it(described):
     result = from_json(STORED.read_bytes(), FitResult, "fit.json", str(STORED))
     root = ElementTree.fromstring(dcc_text(replace(result, models={"second": described}), STATED))
     assert violations(root) == []
-    _, *found = root.iter(f"{DCC}result")
-    assert len(found) == len(NAMES) + 1
+    _, follows, *found = root.iter(f"{DCC}result")
+    lines = [line for line in figure_lines(described) if line.sd > 0]
+    assert len(found) == len(NAMES) + 1 + len(lines)
+    assert [each.text for each in follows.iter(f"{SI}value")] == [
+        format_value(line.figure.median, 2.0 * line.sd)[0] for line in lines
+    ]
     rows = described.parameters["Ceq_w"].budget
     reals = [float(each.findtext(f"{SI}value") or "") for each in found[0].iter(f"{SI}real")]
     parts = [row.contribution for row in rows]
@@ -143,6 +148,18 @@ def test_sheet_and_certificate_state_it(described):
     words = [each.text or "" for each in found[0].iter(f"{DCC}content")]
     noise = words[words.index(NOISE) + 1]
     assert "J/K per 1 K; type A; share of the variance" in noise
+
+
+def test_what_follows_from_the_parameters_has_a_budget(described):
+    lines = {line.name: line for line in figure_lines(described)}
+    assert {"tau_fast", "tau_slow", "steady_rise", "continuous_current"} <= set(lines)
+    for line in lines.values():
+        assert combined(line.budget) == pytest.approx(line.sd, rel=0.06), line.name
+    # a factor on all losses is one on the conductances: the rise stays where it was measured
+    factors = {"relative error of the losses": 1.0, "relative error of the current": 0.5}
+    rise = lines["steady_rise"]
+    moved = sum(row_of(rise.budget, source).sensitivity * by for source, by in factors.items())
+    assert abs(moved) < 0.05 * rise.figure.median
 
 
 def test_a_widened_parameter_says_what_by(posterior, described):

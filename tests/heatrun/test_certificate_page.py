@@ -24,7 +24,7 @@ from heatrun.reports.printed import printed
 from heatrun.reports.printed import test_days as days_of
 from heatrun.reports.xlsx import write_xlsx
 from heatrun.results import FitResult, from_json, to_json
-from heatrun.results.model import FittedParameter
+from heatrun.results.model import DerivedFigure, FittedParameter
 from heatrun.runs.verdict import headline
 
 STORED = Path(__file__).parents[1] / "stored" / "fit-1.json"
@@ -105,6 +105,36 @@ def test_identified_parameters_can_be_used(result):
     page = certificate_content(result, Certificate())  # said once, in the table
     assert {row[0]: row[3] for row in page["parameters"]}["Rs0"].startswith("of the motor file")
     assert not any("Rs0" in reason for reason in said.reasons)
+
+
+@pytest.mark.parametrize("language", ["en", "de", "it"])
+def test_page_1_states_the_continuous_current(result, language):
+    """That of the permitted rise where there is one, else that of the class; a refused one stands
+    in the annex.
+    """
+    model, say = result.models["second"], Texts(language)
+    of_class, of_rise = (
+        DerivedFigure(value=A, unit="A", sd=1.0, interval_95=(A - 2.0, A + 2.0), condition="")
+        for A in (115.0, 100.0)
+    )
+    refused = DerivedFigure(refused="the tests do not tell, tested up to 81 °C")
+    for found, stated in (
+        (
+            {"continuous_current_A": of_class, "continuous_current_by_rise_A": of_rise},
+            "100.0 ± 2.0 A",
+        ),
+        ({"continuous_current_A": of_class}, "115.0 ± 2.0 A"),
+        ({"continuous_current_A": of_class, "continuous_current_by_rise_A": refused}, None),
+    ):
+        rated = with_second(result, derived={**model.derived, **found})
+        rows = certificate_content(rated, Certificate(), say)["figures"]
+        held = [value for name, _, value, _ in rows if name == "continuous_current"]
+        assert held == ([] if stated is None else [say.number(stated)])
+        annex = " ".join(
+            row[0] for row in sheet_content(rated, Certificate(language=language))["derived"]
+        )
+        assert (say("figure_continuous_current_by_rise_A") in annex) == (stated is None)
+        assert not say.unknown
 
 
 def test_page_1_tells_the_worst_of_several_tests(result):

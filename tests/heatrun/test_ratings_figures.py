@@ -889,6 +889,23 @@ def test_the_map_has_the_losses_of_each_speed(two_speeds, tmp_path):
         assert not re.search(r"\b(sink|losses|tested|rise|other|from|current|class|at)\b", said)
 
 
+def test_the_map_has_the_rms_of_the_cycle_of_a_file(two_speeds, tmp_path):
+    cycle = tmp_path / "short.csv"
+    cycle.write_text("seconds,current_A\n4,100\n4,50\n")
+    found = export_ratings(two_speeds, speeds="2000", duties=[str(cycle)], folder=tmp_path / "map")
+    by = {row["duty"]: row for row in found["ratings"]["ratings"]}
+    rms = np.sqrt(0.5 * (1.0 + 0.5**2))
+    assert by["short_rms"]["current_A"] == pytest.approx(by["S1"]["current_A"] / rms)
+    assert by["short_rms"]["current_A"] == pytest.approx(by["short"]["current_A"], rel=0.01)
+    assert "than by simulation" in by["short_rms"]["condition"]
+
+
+def test_a_rating_that_is_none_is_said_before_anything_is_computed(two_speeds, monkeypatch):
+    monkeypatch.setattr("heatrun.runs.rating_map.machines", None)
+    with pytest.raises(UsageError, match="start temperatures of"):
+        export_ratings(two_speeds, duties=["time:150A:nowhere=80"])
+
+
 @pytest.mark.parametrize(
     ("speeds", "code", "said"),
     [

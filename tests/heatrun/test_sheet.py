@@ -23,6 +23,7 @@ from heatrun.motor.file import load_motor
 from heatrun.posterior.posterior import normal_draws
 from heatrun.record.record import ColumnReading
 from heatrun.reports import printed as digits
+from heatrun.reports.certificate import figure_lines, parameter_lines
 from heatrun.reports.figures import certificate_figure
 from heatrun.reports.of_run import rewrite_sheet, write_sheet
 from heatrun.reports.pdf import FLATTEST
@@ -111,18 +112,21 @@ def test_the_workbook_holds_the_derived_figures(folder, found):
 def test_the_workbook_holds_the_budgets(folder, found):
     (model,) = found.result.models.values()
     rows = [*openpyxl.load_workbook(folder / "sheet.xlsx", data_only=True)["Budget"].values]
-    entries = [entry for entry in model.parameters.values() if not entry.fixed]
-    assert len(json.loads((folder / "sheet.json").read_text())["budget"]["rows"]) == len(entries)
-    for entry in entries:
-        title, _, *own = rows[: len(entry.budget) + 4]
-        rows = rows[len(entry.budget) + 5 :]
-        assert entry.meaning in title[0]
-        for row, said in zip(own, entry.budget, strict=False):
+    lines = [*parameter_lines(model), *figure_lines(model)]
+    lines = [line for line in lines if line.budget]
+    told = json.loads((folder / "sheet.json").read_text())["budget"]["rows"]
+    assert [row[0] for row in told] == [line.name for line in lines]
+    assert {"Ceq_w", "Rs0", "tau_slow", "steady_rise"} <= {line.name for line in lines}
+    for line in lines:
+        title, _, *own = rows[: len(line.budget) + 4]
+        rows = rows[len(line.budget) + 5 :]
+        assert title[0] == f"{line.name}: {line.meaning}"
+        for row, said in zip(own, line.budget, strict=False):
             assert row[:2] == (said.source, said.type)
             assert row[5:] == pytest.approx((said.contribution, said.share))
         total, by_draws = own[-2:]
-        assert total[5] == pytest.approx(combined(entry.budget))
-        assert by_draws[5] == pytest.approx(entry.sd)
+        assert total[5] == pytest.approx(combined(line.budget))
+        assert by_draws[5] == pytest.approx(line.sd)
     assert not rows
 
 

@@ -273,6 +273,7 @@ def test_readings_that_are_none(tmp_path, time_s, degC, text, problem):
     ("change", "problem"),
     [
         (lambda R: R * 0.0 + R[0], "All 20 readings are the same, 0.5"),
+        (lambda R: R * 0.8 - 0.02 * TIME_S / 300.0, "Below its coolant no winding cools"),
         (lambda R: R - 0.098, "after .* s gives 1.* below the ambient of 23.0"),
         (lambda R: R * np.where(TIME_S == 65.0, 10.0, 1.0), "after 65 s, 5.* The others fit"),
         (lambda R: R * np.where(TIME_S == 65.0, 0.0, 1.0), "after 65 s, 0 ohm, gives -234"),
@@ -357,6 +358,8 @@ def test_a_clock_with_dates_and_one_that_passes_midnight(tmp_path):
     np.testing.assert_allclose(read_readings(dated, motor(), "0s").time_s[0], 0.0)
     with pytest.raises(InputError, match=r"has dates, and does not say when .*--at 14:32:05"):
         read_readings(dated, motor())
+    with pytest.raises(InputError, match=r"Expected a time such as .*got '25:99:00'"):
+        read_readings(dated, motor(), "25:99:00")
     for form in ("%H:%M:%S", "%d.%m.%Y %H:%M:%S"):
         over = write_clock(tmp_path, "2026-03-09 23:58:10", TIME_S, form)
         np.testing.assert_allclose(read_readings(over, motor(), "23:58:10").time_s, TIME_S)
@@ -474,6 +477,9 @@ customer = "C"
 customer_address = "Rome"
 serial_number = "1"
 operator = "A"
+manufacturer = "M"
+bench = "Bench 3"
+approved_by = "B"
 performed_at = "laboratory"
 country = "IT"
 """
@@ -481,13 +487,16 @@ country = "IT"
 
 def test_the_certificate_holds_the_budget(command, tmp_path, capsys):
     out, meta = tmp_path / "out", tmp_path / "meta.toml"
-    words = [*command(), "--json", "--dcc", "--meta", str(meta)]
+    text = MOTOR.replace("run_down_s = 0", "rated_output_kW = 15")
+    words = command(text, ohm(winding(TIME_S) + SCATTER))
+    words += ["--json", "--dcc", "--meta", str(meta)]
     meta.write_text(LABORATORY, encoding="utf-8")
     assert cli.main(words) == 1
     assert "test_from" in capsys.readouterr().err
     assert not out.exists()
     meta.write_text(f"{LABORATORY}test_from = 2026-03-04", encoding="utf-8")
     assert cli.main(words) == 0
+    assert len(PdfReader(out / "shutdown.pdf").pages) == 1
     said = json.loads(capsys.readouterr().out)
     root = ElementTree.parse(out / "dcc.xml").getroot()
     assert (violations(root), against_practice(root)) == ([], [])

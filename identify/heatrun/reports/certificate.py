@@ -30,6 +30,9 @@ LONGEST_FOOT = 40
 ON_PAGE_1 = ("tau_s", "tau_fast_s", "tau_slow_s", "steady_rise_K", "rise_margin_K")
 """Figures that follow from the parameters and stand beside them."""
 
+RATED_BY = ("continuous_current_by_rise_A", "continuous_current_A")
+"""The first of these that a run has stands there too, where it is not refused."""
+
 ENGLISH = Texts()
 
 
@@ -62,7 +65,7 @@ def certificate_content(
         "network": say.again(model.title),
         "parameter_of": say("parameter_of", network=model.title),
         "parameters": [_row(line, say) for line in stated_lines(model, say)],
-        "figures": _figures(model, result.tests, say),
+        "figures": [_row(line, say) for line in figure_lines(model, say, result.tests)],
         "rule": say("rule"),
         "statement": _statement(result, say),
         "remarks": certificate.remarks,
@@ -129,11 +132,11 @@ def judged(entry: FittedParameter, say: Texts = ENGLISH) -> str:
 
 @dataclass(frozen=True)
 class ParameterLine:
-    """A line of the table of parameters."""
+    """A line of the table of parameters, or of what follows from them."""
 
     name: str  # As printed.
     meaning: str  # Likewise.
-    entry: FittedParameter  # The parameter.
+    entry: FittedParameter | None  # The parameter; None for a figure that follows.
     # What it is at stated conditions, where the line is about that.
     figure: DerivedFigure | None = None
     # It is the parameter of a law that stands at stated conditions in other lines.
@@ -142,12 +145,23 @@ class ParameterLine:
     @property
     def budget(self) -> tuple[BudgetRow, ...]:
         """Where its uncertainty comes from; empty where that is not known."""
-        return known((self.figure or self.entry).budget) or ()
+        return known(self._stated.budget) or ()
 
     @property
     def sd(self) -> float:
         """Its standard uncertainty [its unit]; NaN where it has none."""
-        return number(known((self.figure or self.entry).sd))
+        return number(known(self._stated.sd))
+
+    @property
+    def unit(self) -> str:
+        """Its unit."""
+        return known((self.entry or self._stated).unit) or ""
+
+    @property
+    def _stated(self) -> FittedParameter | DerivedFigure:
+        found = self.figure or self.entry
+        assert found is not None
+        return found
 
 
 def parameter_lines(model: FittedModel, say: Texts = ENGLISH) -> list[ParameterLine]:
@@ -178,8 +192,11 @@ def stated_lines(model: FittedModel, say: Texts = ENGLISH) -> list[ParameterLine
 
 def _row(line: ParameterLine, say: Texts) -> list[str]:
     entry, figure = line.entry, line.figure
-    text = printed(entry).text if figure is None else _of_figure(figure)
-    return [clean(line.name), clean(line.meaning), say.number(text), judged(entry, say)]
+    if figure is not None and not math.isfinite(figure.median):
+        return [clean(line.name), clean(line.meaning), say("not_stated"), ""]
+    text = _of_figure(figure) if figure is not None else printed(entry).text if entry else ""
+    known_by = say("calculated") if entry is None else judged(entry, say)
+    return [clean(line.name), clean(line.meaning), say.number(text), known_by]
 
 
 def at_end(test: DescribedTest, say: Texts = ENGLISH) -> str:
@@ -199,32 +216,38 @@ def at_end(test: DescribedTest, say: Texts = ENGLISH) -> str:
     )
 
 
-def _figures(model: FittedModel, tests: Sequence[DescribedTest], say: Texts) -> list[list[str]]:
-    """Return symbol, meaning and value of the time constants and the steady rise.
+def page_figures(model: FittedModel) -> dict[str, DerivedFigure]:
+    """Return the figures by name that stand beside the parameters."""
+    found = {name: model.derived[name] for name in ON_PAGE_1 if name in model.derived}
+    rated = next((name for name in RATED_BY if name in model.derived), "")
+    if rated and not known(model.derived[rated].refused):
+        found[rated] = model.derived[rated]
+    return found
+
+
+def figure_lines(
+    model: FittedModel, say: Texts = ENGLISH, tests: Sequence[DescribedTest] = ()
+) -> list[ParameterLine]:
+    """Return the lines of the time constants, the steady rise and the continuous current.
 
     Beside the steady rise stands how near to it the fitted test came that came nearest.
     """
-    rows = []
+    lines = []
     held = {test.name: at for test in tests if (at := known(test.equilibrium)) is not None}
     nearest = min(
         (test for test in tests if test.name in held and test.role == "calibration"),
         key=lambda test: abs(held[test.name].gradient_K_per_h),
         default=None,
     )
-    for name in ON_PAGE_1:
-        figure = model.derived.get(name)
-        if figure is None:
-            continue
-        symbol = name.rpartition("_")[0]
+    for name, figure in page_figures(model).items():
+        symbol = name.rpartition("_")[0].removesuffix("_by_rise")
         what, why = say(symbol), known(figure.refused) or known(figure.condition) or ""
         why = why.removeprefix("eigenvalue of the network, ")  # as every time constant is
-        is_stated = math.isfinite(figure.median)
-        value = say.number(_of_figure(figure)) if is_stated else say("not_stated")
         told = say("at", what=what, condition=why)
-        if name == "steady_rise_K" and nearest is not None and is_stated:
+        if name == "steady_rise_K" and nearest is not None and math.isfinite(figure.median):
             told = f"{told}; {at_end(nearest, say)}"
-        rows.append([symbol, clean(told), value, say("calculated") if is_stated else ""])
-    return rows
+        lines.append(ParameterLine(symbol, told, None, figure))
+    return lines
 
 
 def _of_figure(figure: DerivedFigure) -> str:

@@ -15,9 +15,10 @@ from ..results.model import AT_REST, LOADED, DerivedFigure, DescribedTest, Fitte
 from ..results.values import Interval, combined, known
 from ..runs.verdict import concerns, favoured
 from .certificate import (
-    ON_PAGE_1,
     ParameterLine,
     certificate_content,
+    figure_lines,
+    page_figures,
     places_of_current,
     stated_lines,
 )
@@ -65,7 +66,7 @@ def sheet_content(
         "replica": _replica(model, say),
         "derived": _derived(model, say),
         # that of effects stands in the workbook
-        "budget": _budget([one for one in stated_lines(model, say) if "." not in one.name], say),
+        "budget": _budget([*stated_lines(model, say), *figure_lines(model, say)], say),
         "graver": [[say(each.severity), _sentence(each, result, say)] for each in graver],
         "after_findings": _after_findings(graver, len(own) - len(graver), say),
         "comparison": [clean(w) for w in (result.comparison.words if result.comparison else ())],
@@ -205,18 +206,19 @@ def _budget(lines: Sequence[ParameterLine], say: Texts) -> dict[str, Any]:
     what each source has of the variance; those of no great share to any parameter together.
     """
     largest: dict[str, float] = {}
+    lines = [line for line in lines if line.budget and "." not in line.name]
     for row in (row for line in lines for row in line.budget):
         largest[row.source] = max(row.share, largest.get(row.source, 0.0))
     named = sorted(largest, key=lambda source: -largest[source])[:MOST_SOURCES]
     head = [say(key) for key in ("parameter", "budget_u", "budget_draws")]
     head += [*map(say.again, named), say("budget_others", num=len(largest) - len(named))]
     rows = []
-    for line in (line for line in lines if line.budget):
+    for line in lines:
         both = (format_value(u, line.sd)[0] for u in (combined(line.budget), line.sd))
         shares = {row.source: row.share for row in line.budget}
         parts = [shares.pop(source, 0.0) for source in named]
         rows.append([
-            clean(line.name), *(say.number(quantity(u, line.entry.unit)) for u in both),
+            clean(line.name), *(say.number(quantity(u, line.unit)) for u in both),
             *(f"{100.0 * share:.0f} %" for share in (*parts, sum(shares.values()))),
         ])  # fmt: skip
     return {"head": head, "rows": rows}
@@ -251,8 +253,9 @@ def _derived(model: FittedModel, say: Texts) -> list[list[str]]:
     have no value for one reason in one row.
     """
     rows: list[list[str]] = []
+    above = page_figures(model)
     for key, entry in model.derived.items():
-        if key in ON_PAGE_1 or key.endswith((LOADED, AT_REST)):
+        if key in above or key.endswith((LOADED, AT_REST)):
             continue
         name, said = _named(key, say), _stated(entry, say)
         if known(entry.refused) and rows and rows[-1][1:] == said:

@@ -16,7 +16,7 @@ from ..results.model import DescribedTest, FittedParameter
 from ..results.values import BudgetRow, Interval, combined
 from ..runs.verdict import favoured, headline
 from ..version import __version__
-from .certificate import ENGLISH, ParameterLine, judged, parameter_lines
+from .certificate import ENGLISH, ParameterLine, figure_lines, judged, parameter_lines
 from .printed import (
     COVERAGE_FACTOR,
     TestDays,
@@ -180,9 +180,14 @@ def add_results(root: Element, about: Element, result: FitResult, certificate: C
     lines = [line for line in parameter_lines(network) if line.figure is None or line.sd > 0]
     for line in lines:
         _parameter(data, line)
-    for line in lines:
+    following = [line for line in figure_lines(network) if line.sd > 0]
+    if following:
+        data = add_result(found, "What follows from the parameters")
+    for line in following:
+        _parameter(data, line)
+    for line in (*lines, *following):
         if line.budget:
-            add_budget(found, line.name, line.budget, line.entry.unit)
+            add_budget(found, line.name, line.budget, line.unit)
     _tests(add(measured, "measurementMetaData"), result)
 
 
@@ -309,9 +314,10 @@ def add_budget(
 def _parameter(data: Element, line: ParameterLine) -> None:
     """Add a parameter with the digits of the sheet, or what it is at stated conditions."""
     entry, figure = line.entry, line.figure
-    if figure is not None:
+    if figure is not None or entry is None:
+        assert figure is not None
         held = add_named(data, f"{line.name}: {line.meaning}")
-        add_uncertain(held, figure.median, line.sd, figure.ends, entry.unit)
+        add_uncertain(held, figure.median, line.sd, figure.ends, line.unit)
         return
     words = "; ".join(text for text in (judged(entry), _types(entry), entry.why or "") if text)
     held = add_named(data, f"{line.name}: {line.meaning}", words)

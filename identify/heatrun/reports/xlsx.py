@@ -17,7 +17,7 @@ from ..results import FitResult
 from ..results.model import FittedModel
 from ..results.values import known
 from ..runs.verdict import favoured
-from .certificate import judged, parameter_lines
+from .certificate import figure_lines, judged, parameter_lines
 from .figures import COLOURS
 from .printed import COVERAGE_FACTOR
 from .xlsx_cells import AS_TEXT, Cells, add_budget, add_certificate, write
@@ -306,13 +306,14 @@ def _derived(book: Any, cells: Cells, model: FittedModel, say: Texts) -> None:
 
 def _budgets(book: Any, cells: Cells, model: FittedModel, say: Texts) -> None:
     """Write where the uncertainty of each parameter comes from, one below the other."""
-    lines = [line for line in parameter_lines(model, say) if line.budget]
+    lines = (*parameter_lines(model, say), *figure_lines(model, say))
+    lines = [line for line in lines if line.budget]
     if not lines:
         return
     sheet, row = book.add_worksheet(say("sheet_budget")), 0
     for line in lines:
         sheet.write_string(row, 0, f"{line.name}: {line.meaning}", cells.bold)
-        row = 1 + add_budget(sheet, cells, row + 1, line.budget, line.sd, line.entry.unit, say)
+        row = 1 + add_budget(sheet, cells, row + 1, line.budget, line.sd, line.unit, say)
 
 
 def _rows(

@@ -12,7 +12,7 @@ from ..results import FitResult
 from ..results.model import DerivedFigure, FittedParameter
 from ..results.values import BudgetRow, combined, known, number
 from ..runs.verdict import favoured
-from .certificate import ENGLISH, ON_PAGE_1, stated_lines
+from .certificate import ENGLISH, figure_lines, stated_lines
 from .printed import format_value, interval_ends, places_of, printed
 
 AS_TEXT = {
@@ -146,10 +146,8 @@ def add_certificate(
         row += 1
     row = _table(sheet, cells, row + 1, [say(key) for key in PARAMETERS])
     model = result.models[favoured(result)]
-    lines = [(line.entry.unit, line.figure, _numbers(line.entry))
-             for line in stated_lines(model)]  # fmt: skip
-    figures = [model.derived[name] for name in ON_PAGE_1 if name in model.derived]
-    lines += [(known(each.unit) or "", each, ()) for each in figures]
+    lines = [(line.unit, line.figure, _numbers(line.entry) if line.entry else ())
+             for line in (*stated_lines(model), *figure_lines(model))]  # fmt: skip
     printed_lines = [*said["parameters"], *said["figures"]]
     for (unit, figure, numbers), words in zip(lines, printed_lines, strict=True):
         for column, value in enumerate(numbers if figure is None else _of_figure(figure), start=2):

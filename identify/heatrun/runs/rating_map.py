@@ -26,7 +26,7 @@ from .figures_of_draws import DrawValues, alone, extrapolated, with_effects
 from .machine import RAD_PER_S, SAME_LOAD, Machine, Tested, machines
 from .ratings_figures import rates, rating
 from .run import Run
-from .stated_duty import Stated
+from .stated_duty import Stated, parse_rating
 
 SHORT = ("S2-60", "S2-30", "S2-10")
 """Time-limited duties, from cold: those of a map where none are asked for."""
@@ -105,7 +105,10 @@ def rating_map(
         )
         raise InputError(f"no map of ratings: {why}.", where=str(run.path), remedy=remedy)
     draws = run.draws(name)
-    base = alone(draws)
+    base, rated_A = alone(draws), run.motor.rated_current_A
+    nodes = [base.model.form.nodes]
+    for text in duties:  # wrong use is said before anything is computed
+        parse_rating(text, 1.0, rated_A, nodes)
     draw_values = with_effects(draws, base, seen)
     levels = list(_levels(run, seen))
     tested = np.asarray([rpm for rpm, _, _ in levels])
@@ -114,7 +117,6 @@ def rating_map(
     asked = speeds or dict.fromkeys(np.round(tested).tolist())
     _refuse_unknown(run, (*base.model.effects, *draw_values.likely), seen, tested, asked)
     rows, endured = list[Permitted](), list[Endured]()
-    rated_A = run.motor.rated_current_A
     for rpm, given in sorted(asked.items()):
         at = _at(seen, rpm)
         wanted = float(np.interp(rpm, tested, watts)) if given is None else given
@@ -125,15 +127,15 @@ def rating_map(
         run_A = seen.current_A if given is not None else float(np.interp(rpm, tested, amperes))
         there = replace(seen, loaded=moved, current_A=run_A)
         currents = dict[str, DerivedFigure]()
-        machine, by_S1 = _at_speed(base, draw_values, there, limit, rated_A)
+        machine, by_S1, fast_s = _at_speed(base, draw_values, there, limit, rated_A)
         for text in ("S1", *duties):
-            asked_for, found = rating(machine, text, by_S1, rated_A, [base.model.form.nodes])
+            asked_for, found = rating(machine, text, by_S1, rated_A, fast_s, nodes)
             for figure_name, entry in found.items():
                 entry = extrapolated(entry, beyond)
                 if isinstance(asked_for, Stated):
                     endured.append(Endured(speed_rpm=rpm, name=figure_name, found=entry))
                 else:
-                    currents[asked_for.name] = entry
+                    currents[figure_name.removesuffix("_current_A")] = entry
         rows += [
             Permitted(
                 speed_rpm=rpm, duty=duty, other_losses_W=wanted,
@@ -187,7 +189,7 @@ def _machine(
     draw_values: DrawValues, drive: Drive, degC: float, limit: Limit | None = None
 ) -> Machine:
     end = np.nan if limit is None else limit.degC
-    at = map(np.asarray, (degC, end, 1.0, np.nan))
+    at = map(np.asarray, (degC, end, 1.0, end))
     return machines(draw_values.model, draw_values.values, drive, *at)
 
 
@@ -197,8 +199,10 @@ def _median_other(draw_values: DrawValues, drive: Drive, degC: float) -> float:
 
 def _at_speed(
     base: DrawValues, draw_values: DrawValues, seen: Tested, limit: Limit, rated_A: float | None
-) -> tuple[Rated, DerivedFigure]:
-    """Return the machine at a speed, to be rated, and its continuous current."""
+) -> tuple[Rated, DerivedFigure, float]:
+    """Return the machine at a speed, to be rated, its continuous current, and the fastest time
+    constant of its network alone [s].
+    """
     winding = seen.loaded_winding_degC
     drawn = _machine(draw_values, seen.loaded, winding, limit)
     alone, network = (
@@ -212,7 +216,8 @@ def _at_speed(
     heated = f"other losses {np.median(drawn.other):.0f} W, sink {seen.sink_degC:.0f} °C{around}"
     by_S1 = continuous(drawn, drawn.limit_squared, seen, limit, f"{limit}, {heated}")
     hot_A = rated_A or seen.current_A
-    return Rated(draw_values, drawn, time_constants(network.A), seen, limit, around, hot_A), by_S1
+    rated = Rated(draw_values, drawn, time_constants(network.A), seen, limit, around, hot_A)
+    return rated, by_S1, float(np.median(time_constants(alone.A)[:, 0]))
 
 
 def _is_near(rpm: float, tested: np.ndarray) -> bool:

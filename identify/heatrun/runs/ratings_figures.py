@@ -54,7 +54,7 @@ from .figures_of_draws import (
     steady_rise,
     with_effects,
 )
-from .machine import Tested, UnderLoad, fixed_losses, machines, tested, under_load
+from .machine import Machine, Tested, UnderLoad, fixed_losses, machines, tested, under_load
 from .stated_duty import STANDING, Duty, Phase, Stated, other_nodes, parse_rating, phase_words
 
 
@@ -254,7 +254,8 @@ def derive(
     Args:
         posterior: Draws, of any network with any effects.
         duties: Ratings asked for, such as `"S2-30"` and `"time:150A:hot"`, as `parse_rating`.
-        budget: From `budget_of`, of the resistances at stated conditions; None for none.
+        budget: From `budget_of`, of resistances at stated conditions, time constants, steady rise
+            and continuous currents; None for none.
 
     Raises:
         UsageError: If a rating is none of these.
@@ -294,6 +295,8 @@ def derive(
     figures |= at_limit(drawn, seen, limit, heated)
     if rise is not None:
         figures |= within_rise(drawn, seen, rise, at, heated)
+    if budget is not None:
+        figures = _with_budgets(figures, drawn, times, budget)
     if not duties:
         return figures
     fast_s = float(np.median(times[:, 0]))
@@ -304,13 +307,26 @@ def derive(
                     rated or seen.amperes)  # fmt: skip
     by = "continuous_current_A" if rise is None else "continuous_current_by_rise_A"
     for text in duties:
-        asked, found = rating(machine, text, figures[by], rated)
-        figures |= found
-        if text.lower().endswith(".csv") and isinstance(asked, Duty):
-            (exact,) = found.values()
-            by_rms = current_by_rms(machine, asked, exact, fast_s)
-            figures |= {} if by_rms is None else {f"{asked.name}_rms_current_A": by_rms}
+        figures |= rating(machine, text, figures[by], rated, fast_s)[1]
     return figures
+
+
+def _with_budgets(
+    figures: Mapping[str, DerivedFigure], drawn: Machine, times: np.ndarray, budget: Budget
+) -> dict[str, DerivedFigure]:
+    """Return figures with where the uncertainty of those comes from that all draws have."""
+    behind = dict(zip(names_of_times(times.shape[-1]), times.T, strict=True)) | {
+        "steady_rise_K": drawn.rise,
+        "rise_margin_K": -drawn.rise,
+        "continuous_current_A": jnp.sqrt(drawn.limit_squared),
+        "continuous_current_by_rise_A": jnp.sqrt(drawn.permitted_squared),
+    }
+    found = dict(figures)
+    for name in behind.keys() & figures.keys():
+        draws = np.asarray(behind[name])
+        if np.all(np.isfinite(draws)) and not known(figures[name].refused):
+            found[name] = replace(figures[name], budget=budget(draws))
+    return found
 
 
 def rating(
@@ -318,6 +334,7 @@ def rating(
     text: str,
     by_S1: DerivedFigure,
     rated_A: float | None,
+    fast_s: float,
     nodes: Sequence[Collection[str]] = (),
 ) -> tuple[Duty | Stated, dict[str, DerivedFigure]]:
     """Return what a text of `--rating` asks for, and the figures that answer it, by name.
@@ -327,6 +344,7 @@ def rating(
         text: As `parse_rating`.
         by_S1: Its continuous current.
         rated_A: Rated current [A]; None where the motor file gives none.
+        fast_s: Fastest time constant of the network alone [s].
         nodes: As `parse_rating`.
 
     Raises:
@@ -336,7 +354,10 @@ def rating(
     if isinstance(asked, Stated):
         return asked, until_limit(rated, asked)
     current = by_S1 if text == "S1" else duty_current(rated, asked)
-    return asked, {f"{asked.name}_current_A": current}
+    found = {f"{asked.name}_current_A": current}
+    is_file = text.lower().endswith(".csv")
+    by_rms = current_by_rms(rated, asked, current, fast_s) if is_file else None
+    return asked, found if by_rms is None else {**found, f"{asked.name}_rms_current_A": by_rms}
 
 
 def _time_constants(

@@ -91,7 +91,7 @@ def _by_hand(result: ShutdownResult) -> list[str]:
     ]
 
 
-LEAST_SHARE = 5e-4
+LEAST_SHARE = 5e-3
 """Of a source that has a row of its own where people read [1]; files hold all."""
 
 BUDGET = ("source", "u", "K per unit", "K", "share")
@@ -123,9 +123,11 @@ def budget_sum(result: ShutdownResult) -> str:
 
 
 def _budget(result: ShutdownResult) -> list[str]:
+    rows = (BUDGET, *budget_cells(result))
+    width = max(len(source) for source, *_ in rows)
     lines = [
-        f"  {source:<36} {u:>11} {c:>11} {part:>7} {share:>7}"
-        for source, u, c, part, share in (BUDGET, *budget_cells(result))
+        f"  {source:<{width}} {u:>11} {c:>11} {part:>7} {share:>7}"
+        for source, u, c, part, share in rows
     ]
     return [*lines, f"  {budget_sum(result)}"]
 

@@ -50,7 +50,7 @@ OTHER_CIRCUITS = {
 }
 """Factors between circuits of one winding that are taken for each other."""
 
-CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:\.\d+)?))?")
+CLOCK = re.compile(r"([01]?\d|2[0-3]):([0-5]\d)(?::([0-5]\d(?:\.\d+)?))?")
 
 
 @dataclass(frozen=True)
@@ -412,7 +412,7 @@ def _refuse_implausible(
         for times, circuit in OTHER_CIRCUITS.items()
         if _is_plausible(temperature(ohm, times * reference, motor), sink_degC)
     ]
-    below = np.max(degC) < sink_degC - BELOW_SINK_K
+    below = np.min(degC) < sink_degC - BELOW_SINK_K
     cause = " Below its coolant no winding cools." if below else ""
     maybe = f" Perhaps {'; or '.join(guesses)}." if guesses else ""
     raise InputError(
