@@ -178,6 +178,18 @@ def test_an_observer_that_takes_a_missing_part_for_a_fault_is_given_more():
     assert faults(widened, [replace(widened, of_run={**made.of_run, **stuck}).readings()]) > 0
 
 
+def test_what_the_bench_alone_picks_up_is_no_fault_of_the_drives_sensor():
+    plain = source()
+    sound = read_late(plain, 0.0)
+    added = 6.0 * (sound["Is"] / 100.0) ** 0.8
+    T0, T = sound["Te"], sound["Tw_m"]
+    read = sound | {"Tw_m": added + T0 + 1.01 * (T - T0)}
+    assert faults(plain, [replace(plain, of_run={**plain.of_run, **read}).readings()]) > 0
+    picked = source("second", ("sensor_gain", "sensor_pickup"), **{
+        "sensor_gain.g": 0.01, "sensor_pickup.p": 6.0, "sensor_pickup.n": 0.8})  # fmt: skip
+    assert without_false_alarms(picked, {"read": read}) == (picked, [])
+
+
 @cache
 def steady_record():
     """The record whose mean loss scales the heat that is missed: 625 W."""

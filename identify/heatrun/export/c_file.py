@@ -22,7 +22,7 @@ from lptn.effects.heat_paths import STEFAN_BOLTZMANN
 from ..errors import InputError
 from ..version import __version__
 from .missed import Missed
-from .network_course import simulate_held, with_bodies
+from .network_course import simulate_held, with_bodies, without_errors_of_bench
 from .network_file import SIGNALS
 
 HEADER, SOURCE, HARNESS, VECTORS = "thermal_network.h", "thermal_network.c", "main.c", "vectors.csv"
@@ -381,13 +381,14 @@ class CSource:
 
     def readings(self) -> bytes:
         """Return inputs and readings of the test, `MOST_PLAYED` steps at most, as
-        `observer_courses`: where no sample falls into a step there is none.
+        `observer_courses`: where no sample falls into a step there is none. They come without
+        errors of the bench's sensor, such as its pickup.
         """
         time = self.found["t"] - self.found["t"][0]
         num = min(int(time[-1] / self.step + 1e-9), MOST_PLAYED)
         latest = np.searchsorted(time, self.step * np.arange(num + 1) + 1e-9, side="right") - 1
         is_new = np.diff(latest) > 0
-        reading = np.where(is_new, self.found["Tw_m"][latest[1:]], np.nan)
+        reading = np.where(is_new, without_errors_of_bench(self.found)[latest[1:]], np.nan)
         held, start = self._in_order(self._by_name(num)), np.atleast_1d(self.found["start"])
         asked = np.tile(ASKS_NOTHING, (num, 1))
         text = io.StringIO()
