@@ -8,7 +8,7 @@ import math
 import re
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from importlib.resources import files
 from string import Template
@@ -157,6 +157,9 @@ class CSource:
     # Resistance of the circuit whose resistance tells the winding's temperature, without leads, at
     # the reference temperature, and of its leads [ohm]; the first is 0 where the machine has none.
     cold: tuple[float, float] = (0.0, 0.0)
+    # The variables with the parameters one sd off in the direction that the run tells least of;
+    # None where all are known.
+    aside: Mapping[str, Any] | None = None
 
     @classmethod
     def of(
@@ -526,11 +529,14 @@ class CSource:
             "copper_per_ohm": repr(float(found["phases"] / (found["B"] + found["Tref"]))),
             "rated_speed": repr(float(found["rated_speed_rpm"])),
             "rated_current": repr(float(found["rated_current_A"])),
-            **{
-                name: repr(float(values)) if values.ndim == 0 else _reals(values)
-                for name, values in self.parameters().items()
-            },
+            "identified": self._parameters_text(),
         }
+
+    def _parameters_text(self) -> str:
+        return filled_template("parameters.c", {
+            name: repr(float(values)) if values.ndim == 0 else _reals(values)
+            for name, values in self.parameters().items()
+        })  # fmt: skip
 
     def _observer(self) -> dict[str, str]:
         found = self.found
@@ -562,6 +568,9 @@ class CSource:
             "sink_sd": repr(missed.sink_K),
             "share_sd": repr(missed.share),
             "losses_sd": repr(missed.losses),
+            "heat_error_sd": repr(both := math.hypot(missed.share, missed.losses)),
+            "losses_part": repr((missed.losses / max(both, 1e-30)) ** 2),
+            "aside": replace(self, of_run=self.aside or self.of_run)._parameters_text(),
             "answer_sd": repr(missed.answer),
             "misfit_sd": repr(missed.misfit_K),
             "late_decay": repr(math.exp(-self.step / LATE_S)),
