@@ -342,7 +342,7 @@ class CSource:
         held, course = self._driven
         columns = [self.step * np.arange(len(held) + 1)]
         columns += [*np.vstack([np.zeros(held.shape[1]), held]).T, *course.T]
-        heading = [*self._driving(), *(f"{name.lower()}_degC" for name in _enumerators(self.nodes))]
+        heading = [*self._driving(), *(f"{node}_degC" for node in self.nodes)]
         text = io.StringIO()
         text.write(f"# heatrun export: inputs and lptn's temperatures, test {in_comment(test)}\n")
         np.savetxt(text, np.column_stack(columns), "%.17g", ",", header=",".join(heading),
@@ -401,8 +401,7 @@ class CSource:
 
     @property
     def _observed_heading(self) -> str:
-        names = [name.lower() for name in _enumerators(self.nodes)]
-        outputs = [f"{name}_{what}" for name in names for what in ("degC", "sd_K")]
+        outputs = [f"{node}_{what}" for node in self.nodes for what in ("degC", "sd_K")]
         asked = ("reading_degC", "node", "limit_degC", "horizon_s")
         told = (*outputs, "status", "sensor", "time_to_limit_s", "permitted_A")
         return ",".join([*self._driving(), *asked, *told])
