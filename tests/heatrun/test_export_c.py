@@ -26,12 +26,13 @@ from c_programs import (
     source,
     written,
 )
-from simulators import fmu_error, has_modelica, modelica_error, vectors_text
+from simulators import fmu_error, has_modelica, modelica_error, vectors_of, vectors_text
 
 from heatrun import cli
 from heatrun.errors import InputError
 from heatrun.export import export_source
 from heatrun.export.c_file import LAWS, in_comment
+from heatrun.export.fmu import fmu_files
 from heatrun.export.missed import of_losses
 from heatrun.export.parameters import entries
 from heatrun.export.rerun import of_no_test, read_run_test
@@ -286,6 +287,26 @@ def test_one_body_asks_for_the_resistance_too(tmp_path):
     assert 100.0 < answers(tmp_path, made, ask)[2] < 0.9 * float(made.largest()["max_current"])
     unknown = replace(made, of_run=made.of_run | {"Rs0": 0.0})
     assert answers(tmp_path, unknown, ask)[2] == -1.0, "not known"
+
+
+def test_nodes_that_differ_by_case_have_their_own_names_in_the_vectors_as_in_the_fmu():
+    network = network_of_text(
+        b"""
+[network]
+name = "case"
+nodes = ["winding", "Yoke", "yoke"]
+links = [["winding", "Yoke"], ["Yoke", "yoke"], ["yoke", "ambient"]]
+losses = { copper = "winding", other = "Yoke" }
+sensors = { winding_degC = "winding" }
+""",
+        "case.toml",
+    )
+    made = source(network)
+    names = ("winding_degC", "Yoke_degC", "yoke_degC")
+    assert vectors_of(made).dtype.names[-3:] == names
+    assert b",Yoke_degC,Yoke_sd_K,yoke_degC," in made.observer_courses("duty")
+    description = fmu_files(made, [])["modelDescription.xml"].decode()
+    assert all(f'name="{name}"' in description for name in names)
 
 
 HOSTILE = '*/ int main(void){} /* \\\n#error ??/ "%s$step" é\x00'

@@ -17,9 +17,10 @@ from heatrun import cli
 from heatrun.export import export_drive
 from heatrun.export.simpler import COLD, EXACT, figures
 from heatrun.export.simpler import TestedRun as Read
+from heatrun.model.catalogue import effects_named
 from heatrun.model.model import Model
 from heatrun.results.model import DerivedFigure
-from heatrun.runs.replica import Followed, nearest
+from heatrun.runs.replica import Followed, nearest, replica
 from heatrun.runs.run import open_run
 
 VALUES = {**EXACT, "Rs0": 0.0062, "Tw_start": 20.0, "Tsr_start": 20.0}
@@ -42,6 +43,19 @@ def test_the_same_network_finds_its_parameters_again(of_truth, motor, truth):
     other = {**truth, "Req_sr": 1.02 * truth["Req_sr"]}
     moved = found.moved(of_truth.error_K(model, other)[None])
     assert {n: float(v[0]) for n, v in moved.items()} == pytest.approx(other, rel=2e-3)
+
+
+def test_what_a_sensor_adds_does_not_get_into_the_network_of_a_replica(of_truth, motor, truth):
+    model = Model.of("second", motor, effects_named(("sensor_pickup", "sensor_lag"), "test"))
+    of_sensor = {"sensor_pickup.p": 6.0, "sensor_pickup.n": 1.0, "sensor_lag.tau": 20.0}
+    values = VALUES | of_sensor
+    read = replace(of_truth, values=values).error_K(model, truth) + of_truth.course
+    follow = SimpleNamespace(test=of_truth.test, median=read, middle=values | truth, is_there=True,
+                             is_held_out=False, residual=of_truth.test.measured - read)  # fmt: skip
+    found = replica(model, {}, [follow])
+    assert found is not None
+    assert found.from_model_K < 1e-2
+    assert found.parameters == pytest.approx(truth, rel=1e-3)
 
 
 def test_a_network_too_stiff_for_the_steps_has_an_error_with_a_square(of_truth, motor, truth):

@@ -34,16 +34,23 @@ from simulators import vectors_text
 
 from heatrun.export import export_source, mat_bytes, simulate_network
 from heatrun.export.c_file import links_of
+from heatrun.export.missed import least_told
+from heatrun.export.rerun import read_run_test
 from heatrun.export.sources import faults, with_outputs, without_false_alarms
 from heatrun.record.record import Record
+from heatrun.runs.run import open_run
 
 pytestmark = needs_compiler
+
+
+ASIDE = {"Ceq_w": 1.02, "Ceq_sr": 0.97, "Req_w": 1.05, "Req_sr": 0.96, "Rs0": 1.01}
 
 
 @pytest.fixture(scope="module")
 def observer_vectors(tmp_path_factory):
     """A source with errors that stay, a folder with its files, and the courses of its vectors."""
-    made = replace(source(), missed=replace(
+    aside = {n: factor * VALUES[n] for n, factor in ASIDE.items()}
+    made = replace(source(), aside=source(**aside).of_run, missed=replace(
         MISSED, sensor_K=0.4, sink_K=0.5, share=0.01, losses=0.02, answer=0.05))  # fmt: skip
     folder = tmp_path_factory.mktemp("observer_vectors")
     courses = made.observer_courses("duty")
@@ -77,12 +84,21 @@ def test_vectors_of_a_sound_sensor_are_the_kalman_filter_of_a_textbook(observer_
     """Exact steps by the exponential of the matrix; errors that stay are not estimated."""
     made, _, (sound, *_) = observer_vectors
     v, constants = VALUES, made._observer()
+
+    def slopes(v, T, row):
+        copper = (
+            3 * v["Rs0"] / (234.5 + made.found["Tref"]) * row["current_A"] ** 2 * (234.5 + T[0])
+        )
+        across, out = (T[0] - T[1]) / v["Req_w"], (T[1] - row["sink_degC"]) / v["Req_sr"]
+        return np.array([copper - across, row["losses_W"] - copper + across - out]) / [
+            v["Ceq_w"], v["Ceq_sr"]]  # fmt: skip
+
     C, k = np.array([v["Ceq_w"], v["Ceq_sr"]]), 3 * v["Rs0"] / (234.5 + made.found["Tref"])
     names = ("heat_sd", "slow_sd", "heat_decay", "slow_decay", "reading_sd")
     heat, slow, keeps, keeps_slow, white = (float(constants[name]) for name in names)
     decays, sds = (
         [keeps, keeps, keeps_slow],
-        np.array([5, 5, heat, heat, slow, 0.4, 0.5, 0.01, 0.02]),
+        np.array([5, 5, heat, heat, slow, 0.4, 0.5, np.hypot(0.01, 0.02), 1.0]),
     )
     P = np.diag(sds**2)
     Q = np.diag([0.0, 0.0, *(sds[2:5] ** 2 * (1.0 - np.square(decays))), *np.zeros(4)])
@@ -90,16 +106,19 @@ def test_vectors_of_a_sound_sensor_are_the_kalman_filter_of_a_textbook(observer_
     x = np.array([sound["winding_degC"][0], sound["stator_degC"][0], 0.0, 0.0, 0.0])
     for step, row in enumerate(sound[1:]):
         copper = k * row["current_A"] ** 2
-        A = np.zeros((10, 10))  # T, heat, slow, sensor, sink, share, losses, 1
+        A = np.zeros((10, 10))  # T, heat, slow, sensor, sink, heat as a share, path, 1
         A[0, :3] = copper - 1 / v["Req_w"], 1 / v["Req_w"], 1.0
         A[1, :2] = 1 / v["Req_w"] - copper, -1 / v["Req_w"] - 1 / v["Req_sr"]
-        A[1, [3, 6, 8]] = 1.0, 1 / v["Req_sr"], row["losses_W"]
+        A[1, [3, 6]] = 1.0, 1 / v["Req_sr"]
         A[:2, 9] = copper * 234.5, (row["losses_W"] - copper * 234.5
                                     + row["sink_degC"] / v["Req_sr"])  # fmt: skip
         A[:2] /= C[:, None]
         T = (expm(A) @ [*x[:4], 0, 0, 0, 0, 0, 1.0])[:2]
         own = copper * (234.5 + T[0])
-        A[:2, 7] = (np.array([own, row["losses_W"] - own]) + x[2:4]) / C
+        # the part of the losses, whose square is four times that of all heat
+        A[:2, 7] = (np.array([0.2 * own, row["losses_W"] - 0.2 * own]) + 0.2 * x[2:4]) / C
+        other = {n: v[n] * factor for n, factor in ASIDE.items()}
+        A[:2, 8] = slopes(v | other, T, row) - slopes(v, T, row)
         F = expm(A)[:9, :9]
         F[[2, 3, 4], [2, 3, 4]] = decays
         by_moment = 0.29 * (T[0] - x[0])
@@ -178,6 +197,18 @@ def test_an_observer_that_takes_a_missing_part_for_a_fault_is_given_more():
     assert faults(widened, [replace(widened, of_run={**made.of_run, **stuck}).readings()]) > 0
 
 
+def test_what_the_bench_alone_picks_up_is_no_fault_of_the_drives_sensor():
+    plain = source()
+    sound = read_late(plain, 0.0)
+    added = 6.0 * (sound["Is"] / 100.0) ** 0.8
+    T0, T = sound["Te"], sound["Tw_m"]
+    read = sound | {"Tw_m": added + T0 + 1.01 * (T - T0)}
+    assert faults(plain, [replace(plain, of_run={**plain.of_run, **read}).readings()]) > 0
+    picked = source("second", ("sensor_gain", "sensor_pickup"), **{
+        "sensor_gain.g": 0.01, "sensor_pickup.p": 6.0, "sensor_pickup.n": 0.8})  # fmt: skip
+    assert without_false_alarms(picked, {"read": read}) == (picked, [])
+
+
 @cache
 def steady_record():
     """The record whose mean loss scales the heat that is missed: 625 W."""
@@ -193,6 +224,37 @@ def steady(*model, **values):
 def fitted_with(sensor_K):
     """Return it with a sensor and a sink that may be so far off [K]."""
     return replace(steady(), missed=replace(MISSED, sensor_K=sensor_K, sink_K=sensor_K))
+
+
+def test_a_node_that_is_not_read_is_in_its_band_where_the_way_to_it_is_not_as_the_run_has_it(
+    tmp_path,
+):
+    course, rows = hidden_machine(seed=3)
+    off = {"Req_w": 0.97 * VALUES["Req_w"], "Req_sr": 1.03 * VALUES["Req_sr"]}
+    known = replace(steady(**off), missed=replace(MISSED, sensor_K=0.5))
+    open_ = replace(known, aside=steady().of_run)
+    error, told = {}, {}
+    for name, made in (("known", known), ("open", open_)):
+        (tmp_path / name).mkdir()
+        T, sd, _, sensor = observed(tmp_path / name, made, 57.0, 5.0, rows)
+        assert not sensor.any()
+        error[name], told[name] = np.abs(T - course)[900:, 1], sd[900:]
+    assert np.mean(error["known"] < 1.96 * told["known"][:, 1]) < 0.5
+    assert np.mean(error["open"] < 1.96 * told["open"][:, 1]) > 0.9
+    # the winding is read, and hardly less certain
+    assert np.mean(told["open"][:, 0]) < 1.2 * np.mean(told["known"][:, 0])
+
+
+def test_the_way_to_a_node_that_is_not_read_is_as_open_as_the_draws_have_it(
+    finished_day, monkeypatch
+):
+    monkeypatch.chdir(finished_day)
+    draws = open_run(Path("run")).draws("second")
+    test = read_run_test(Path("run"), network="second").blocks
+    aside, _ = least_told(draws, test, ["winding", "stator"])
+    v = draws.values()
+    across = np.std(np.log(v["Rs0"] * v["Req_w"]))  # of the rise from stator to winding, at rest
+    assert abs(np.log(aside["Rs0"] * aside["Req_w"])) == pytest.approx(across, rel=0.2)
 
 
 @pytest.mark.parametrize("eA", [0.0, 0.6], ids=["linear", "radiating"])

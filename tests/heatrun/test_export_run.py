@@ -4,6 +4,7 @@ import hashlib
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
@@ -21,7 +22,7 @@ from heatrun.export import (
     simulate_variables,
     thesis_variables,
 )
-from heatrun.export.mat import LARGEST_UNSAID_K
+from heatrun.export.mat import LARGEST_UNSAID_K, _effects_left_out
 from heatrun.export.variables import Shaft
 from heatrun.io.whole_files import write_whole
 from heatrun.motor.file import load_motor
@@ -301,6 +302,21 @@ def test_effects_that_the_run_averages_over_and_the_file_lacks_are_said(day, mon
     assert abs(gap_K - 8.0) < limit_K  # so far the two agree without effects
     assert more_K - gap_K == pytest.approx(8.0)
     assert findings(0.0, {"winding_node": 0.7}) == findings(8.0, {}) == []
+
+
+def test_a_reading_that_jumps_is_held_against_means_of_blocks_by_its_own():
+    time_s = np.arange(0.0, 401.0)
+    reading = np.where(time_s < 207.5, 40.0, 46.0)  # what a line picks up of a step of the current
+    middle = np.arange(10.0, 400.0, 20.0)
+    means = np.interp(middle, [190.0, 210.0, 230.0], [40.0, 40.0 + 6.0 * 12.5 / 20.0, 46.0])
+    found = SimpleNamespace(
+        record=SimpleNamespace(time_s=time_s, name="step"),
+        predicted=SimpleNamespace(time_s=middle, reading=means, maybe_missing={"radiation": 0.1}),
+    )
+    assert _effects_left_out(found, reading, "network.mat") == ()
+    found.predicted.reading = means + 0.6
+    (finding,) = _effects_left_out(found, reading, "network.mat")
+    assert finding.values["effects_K"] == pytest.approx(0.6, abs=0.2)
 
 
 def of_capacity(value):

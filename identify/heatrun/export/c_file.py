@@ -8,7 +8,7 @@ import math
 import re
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from importlib.resources import files
 from string import Template
@@ -22,7 +22,7 @@ from lptn.effects.heat_paths import STEFAN_BOLTZMANN
 from ..errors import InputError
 from ..version import __version__
 from .missed import Missed
-from .network_course import simulate_held, with_bodies
+from .network_course import simulate_held, with_bodies, without_errors_of_bench
 from .network_file import SIGNALS
 
 HEADER, SOURCE, HARNESS, VECTORS = "thermal_network.h", "thermal_network.c", "main.c", "vectors.csv"
@@ -157,6 +157,9 @@ class CSource:
     # Resistance of the circuit whose resistance tells the winding's temperature, without leads, at
     # the reference temperature, and of its leads [ohm]; the first is 0 where the machine has none.
     cold: tuple[float, float] = (0.0, 0.0)
+    # The variables with the parameters one sd off in the direction that the run tells least of;
+    # None where all are known.
+    aside: Mapping[str, Any] | None = None
 
     @classmethod
     def of(
@@ -339,7 +342,7 @@ class CSource:
         held, course = self._driven
         columns = [self.step * np.arange(len(held) + 1)]
         columns += [*np.vstack([np.zeros(held.shape[1]), held]).T, *course.T]
-        heading = [*self._driving(), *(f"{name.lower()}_degC" for name in _enumerators(self.nodes))]
+        heading = [*self._driving(), *(f"{node}_degC" for node in self.nodes)]
         text = io.StringIO()
         text.write(f"# heatrun export: inputs and lptn's temperatures, test {in_comment(test)}\n")
         np.savetxt(text, np.column_stack(columns), "%.17g", ",", header=",".join(heading),
@@ -381,13 +384,14 @@ class CSource:
 
     def readings(self) -> bytes:
         """Return inputs and readings of the test, `MOST_PLAYED` steps at most, as
-        `observer_courses`: where no sample falls into a step there is none.
+        `observer_courses`: where no sample falls into a step there is none. They come without
+        errors of the bench's sensor, such as its pickup.
         """
         time = self.found["t"] - self.found["t"][0]
         num = min(int(time[-1] / self.step + 1e-9), MOST_PLAYED)
         latest = np.searchsorted(time, self.step * np.arange(num + 1) + 1e-9, side="right") - 1
         is_new = np.diff(latest) > 0
-        reading = np.where(is_new, self.found["Tw_m"][latest[1:]], np.nan)
+        reading = np.where(is_new, without_errors_of_bench(self.found)[latest[1:]], np.nan)
         held, start = self._in_order(self._by_name(num)), np.atleast_1d(self.found["start"])
         asked = np.tile(ASKS_NOTHING, (num, 1))
         text = io.StringIO()
@@ -397,8 +401,7 @@ class CSource:
 
     @property
     def _observed_heading(self) -> str:
-        names = [name.lower() for name in _enumerators(self.nodes)]
-        outputs = [f"{name}_{what}" for name in names for what in ("degC", "sd_K")]
+        outputs = [f"{node}_{what}" for node in self.nodes for what in ("degC", "sd_K")]
         asked = ("reading_degC", "node", "limit_degC", "horizon_s")
         told = (*outputs, "status", "sensor", "time_to_limit_s", "permitted_A")
         return ",".join([*self._driving(), *asked, *told])
@@ -525,11 +528,14 @@ class CSource:
             "copper_per_ohm": repr(float(found["phases"] / (found["B"] + found["Tref"]))),
             "rated_speed": repr(float(found["rated_speed_rpm"])),
             "rated_current": repr(float(found["rated_current_A"])),
-            **{
-                name: repr(float(values)) if values.ndim == 0 else _reals(values)
-                for name, values in self.parameters().items()
-            },
+            "identified": self._parameters_text(),
         }
+
+    def _parameters_text(self) -> str:
+        return filled_template("parameters.c", {
+            name: repr(float(values)) if values.ndim == 0 else _reals(values)
+            for name, values in self.parameters().items()
+        })  # fmt: skip
 
     def _observer(self) -> dict[str, str]:
         found = self.found
@@ -561,6 +567,9 @@ class CSource:
             "sink_sd": repr(missed.sink_K),
             "share_sd": repr(missed.share),
             "losses_sd": repr(missed.losses),
+            "heat_error_sd": repr(both := math.hypot(missed.share, missed.losses)),
+            "losses_part": repr((missed.losses / max(both, 1e-30)) ** 2),
+            "aside": replace(self, of_run=self.aside or self.of_run)._parameters_text(),
             "answer_sd": repr(missed.answer),
             "misfit_sd": repr(missed.misfit_K),
             "late_decay": repr(math.exp(-self.step / LATE_S)),

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Float
 from scipy.optimize import nnls
 
-from ..model.bodies import OWN, own_name
+from ..model.bodies import OWN, own_name, told_bodies
+from ..model.draws import Draws, courses
 from ..model.model import Model
-from ..model.parameters import Parameter
+from ..model.parameters import Parameter, qualified
 from ..record.blocks import Blocks
 from ..record.samples import BLOCK_S
 from ..results.model import FittedModel
@@ -48,6 +50,10 @@ class Missed:
     # Standard deviation of a change soon after a step of the load, over the change [1].
     answer: float = 0.0
     misfit_K: float = 0.0  # That of what the network misses with the time of `slow_K` [K].
+    # What parameters are multiplied with, one sd off in the direction that the run tells least of
+    # [1], by name: nodes that it did not read are off by that beside one that it did. The spread
+    # above is what there is besides.
+    aside: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -67,6 +73,8 @@ class Missed:
             bias_K: RMS by which a simpler network is elsewhere: readings stray from it so far.
         """
         model, record = run.result.models[run.choose(network)], found.record
+        from ..posterior.predict import predict
+
         noise = model.noise
         said, heat = found.model.adequacy, known(noise.unmodelled_heat)
         heat = said.unmodelled_heat if heat is None else heat
@@ -81,9 +89,11 @@ class Missed:
         own = min(slow, offset or slow)
         rise = float(np.sqrt(np.nanmean((record["winding_degC"] - sink) ** 2)))
         ours = priors.get("ambient_offset")
-        predicted = _for_given_losses(run, network, whole.blocks)
+        draws = _for_given_losses(run, network)
+        predicted = predict(draws, whole.blocks)
         nodes = [node for node in found.model.form.nodes if node in predicted.nodes]
-        sink_K, share = _spread(predicted, nodes, float(np.nanmean(sink)), bias_K)
+        aside, moved = least_told(draws, whole.blocks, nodes)
+        sink_K, share = _spread(predicted, moved, float(np.nanmean(sink)), bias_K)
         errors = {name: priors[name].sd for name in POWER
                   if name in priors and priors[name].fixed is None}  # fmt: skip
         its, theirs = (Corrections.of(each.values) for each in (whole, found))
@@ -98,7 +108,7 @@ class Missed:
         return cls(heat, said.heat_time_s, own, noise.time_s, noise.white_K,
                    math.hypot(offset, gain * rise), sink_K, share, losses, resolution_K,
                    math.hypot(_least_known(model, found.model), losses),
-                   math.sqrt(slow**2 - own**2))  # fmt: skip
+                   math.sqrt(slow**2 - own**2), aside)  # fmt: skip
 
     def widened(self, more: float) -> Missed:
         """Return it where the network misses some times the slow noise besides [1]."""
@@ -127,16 +137,56 @@ class Missed:
         return math.sqrt(max(white, self.resolution_K**2 / 12.0) + 1e-6)
 
 
-def _for_given_losses(run: Run, network: str | None, test: Blocks) -> Prediction:
-    """Return what a run predicts of a test whose losses are known, as the run corrects them."""
-    from ..posterior.predict import predict
-
+def _for_given_losses(run: Run, network: str | None) -> Draws:
+    """Return the draws of a run for losses that are known, as the run corrects them."""
     draws = run.draws(network)
     vectors = draws.vectors.copy()
     for place, slot in enumerate(draws.parameters.slots):
         if slot.parameter.name in POWER:
             vectors[:, place] = np.median(vectors[:, place])
-    return predict(replace(draws, vectors=vectors), test)
+    return replace(draws, vectors=vectors)
+
+
+def names_of_laws(model: Model) -> set[str]:
+    """Return the names of the parameters of a network and its effects."""
+    return {each.name for each in model.form.parameters} | {"Rs0"} | {
+        qualified(kind, part) for kind in model.effects for part in kind.card.parameters
+    }  # fmt: skip
+
+
+def least_told(
+    draws: Draws, test: Blocks, nodes: Sequence[str]
+) -> tuple[dict[str, float], dict[str, Float[np.ndarray, " block"]]]:
+    """Return the direction in which the draws leave nodes open most beside the one that is read.
+
+    That is the first principal component of how far they are from it in a test, instruments and
+    starts as stated, and the parameters that go with it.
+
+    Returns:
+        What the parameters are multiplied with one sd in that direction [1], by name; and by how
+        much that moves each node [K].
+    """
+    from ..posterior.predict import of_test
+
+    names, drawn = names_of_laws(draws.model), of_test(draws, test, fitted_as=None)
+    middle = drawn.middle()
+    rows = test.with_bodies(told_bodies(middle, test))
+    values = {n: v if n in names else np.full_like(v, middle[n]) for n, v in drawn.values.items()}
+    course = courses(draws.model, values, rows).nodes
+    beside = [course[node] - course[draws.model.form.measured_node] for node in nodes]
+    apart = np.concatenate(beside, axis=1)
+    apart -= apart.mean(axis=0)
+    score = np.sqrt(len(apart)) * np.linalg.svd(apart, full_matrices=False)[0][:, 0]
+    aside = {}
+    for name in names & values.keys():
+        v = values[name]
+        logs = np.log(v) if np.all(v > 0.0) else v / (middle[name] or 1.0)
+        along = float(np.mean((logs - logs.mean()) * score))
+        aside[name] = math.exp(along) if np.all(v > 0.0) else 1.0 + along
+    pair = {n: middle[n] * np.where(np.arange(len(v)) == 0, 1.0, aside.get(n, 1.0))
+            for n, v in values.items()}  # fmt: skip
+    course = courses(draws.model, pair, rows).nodes
+    return aside, {node: course[node][-1] - course[node][0] for node in nodes}
 
 
 def _at_rest(model: FittedModel, losses: float) -> float:
@@ -192,13 +242,16 @@ def of_losses(errors: Mapping[str, float], test: Blocks) -> tuple[float, float]:
 
 
 def _spread(
-    predicted: Prediction, nodes: Sequence[str], sink: float, bias: float
+    predicted: Prediction,
+    moved: Mapping[str, Float[np.ndarray, " block"]],
+    sink: float,
+    bias: float,
 ) -> tuple[float, float]:
     """Return the standard deviation of a temperature from the parameters, in two parts.
 
     Args:
         predicted: What the run predicts of its test.
-        nodes: Those of the network.
+        moved: What of it has a direction of its own, for each node [K].
         sink: Mean temperature of the sink [degC].
         bias: RMS by which a simpler network is elsewhere [K].
 
@@ -206,10 +259,10 @@ def _spread(
         That which there is without a rise [K], and that of a rise over the rise [1].
     """
     squares, variances = [], []
-    for node in nodes:
+    for node, own in moved.items():
         lower, upper = predicted.nodes_95[node]
         squares.append((predicted.nodes[node] - sink) ** 2)
-        variances.append(((upper - lower) / (2 * 1.96)) ** 2)
+        variances.append(np.maximum(((upper - lower) / (2 * 1.96)) ** 2 - own**2, 0.0))
     square = np.concatenate(squares)
     both = np.column_stack([np.ones(square.size), square])
     (at_rest, by_rise), _ = nnls(both, np.concatenate(variances))

@@ -28,7 +28,7 @@ from lptn import (
 )
 from lptn.effects import AbstractEffect, HeatEffect, NodeEffect
 from lptn.effects.bodies import WindingNode
-from lptn.effects.sensors import SensorLag, SensorPickup, TimeShift
+from lptn.effects.sensors import SensorGain, SensorLag, SensorPickup, TimeShift
 
 from .network_file import RPM, SIGNALS
 
@@ -221,6 +221,23 @@ def simulate_held(
     inputs = _inputs({**fixed, **held}, grid)
     trace = simulate(network, _losses(found), inputs, start, effects=effects)
     return {node: np.asarray(T)[::parts] for node, T in trace.temperature.items()}
+
+
+def without_errors_of_bench(found: Mapping[str, Any]) -> np.ndarray:
+    """Return the readings of the record without what the bench's sensor adds, which that of a drive
+    does not [degC], shape (time,).
+
+    Args:
+        found: From `read_network`.
+    """
+    time, measured = np.atleast_1d(found["t"]) - found["t"][0], np.atleast_1d(found["Tw_m"])
+    sample = float(np.median(np.diff(time)))
+    grid = Grid.of(time, max(sample / LINES_PER_SAMPLE, SENSOR_STEP_S))
+    seen = jnp.zeros(grid.step.size + 1).at[grid.first].set(measured)
+    for effect in map(_effect, np.atleast_1d(found["effects"])):
+        if isinstance(effect, SensorGain | SensorPickup):
+            seen = effect.observe(seen, {}, _inputs(found, grid))
+    return 2.0 * measured - np.asarray(seen)[grid.first]
 
 
 def _network(found: Mapping[str, Any]) -> tuple[Network, dict[str, float]]:

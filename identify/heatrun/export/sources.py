@@ -23,7 +23,6 @@ import numpy as np
 
 from ..errors import InputError
 from ..io.whole_files import numbered
-from ..model.parameters import qualified
 from ..runs.run import Run, open_run
 from .c_file import (
     HARNESS,
@@ -39,7 +38,7 @@ from .c_file import (
 )
 from .fmu import compiled, fmu_files
 from .mat import NETWORK, mat_bytes, write_export, zipped
-from .missed import Missed
+from .missed import Missed, names_of_laws
 from .modelica import modelica
 from .network_course import read_network
 from .network_file import SIGNALS
@@ -168,6 +167,8 @@ def read_source(
     measured, phase = found.motor.measured_resistance_ohm, found.motor.phase_resistance_ohm
     cold = (phase or 0.0) if measured is None else measured - leads
     source = CSource.of(read_network(mat_bytes(variables)), missed, said, step, (cold, leads))
+    values = {n: v * missed.aside.get(n, 1.0) for n, v in found.values.items()}
+    source = replace(source, aside=_of_values(found, values))
     notes += (f"What drives it is meant as the run corrects it: {corrections.words()}.",)
     limits = [] if is_replica else ends(opened, network, found, source)
     return Sourced(source, entries(source, found.model, limits), found, notes)
@@ -231,16 +232,16 @@ def ends(run: Run, network: str | None, found: RunAndTest, source: CSource) -> l
     """
     fitted = run.result.models[run.choose(network)]
     stated = {**fitted.parameters, **fitted.nuisances}
-    names = {each.name for each in found.model.form.parameters} | {"Rs0"}
-    names |= {
-        qualified(kind, part) for kind in found.model.effects for part in kind.card.parameters
-    }
-    made = []
+    names, made = names_of_laws(found.model), []
     for end in (0, 1):
         moved = {n: stated[n].interval_95[end] for n in names & found.values.keys() & stated.keys()}
-        variables, _ = _variables(replace(found, values={**found.values, **moved}))
-        made.append(replace(source, of_run=read_network(mat_bytes(variables))))
+        made.append(replace(source, of_run=_of_values(found, {**found.values, **moved})))
     return made
+
+
+def _of_values(found: RunAndTest, values: Mapping[str, float]) -> dict[str, Any]:
+    """Return the variables of `network.mat` with other values of the parameters."""
+    return read_network(mat_bytes(_variables(replace(found, values=values))[0]))
 
 
 LONGEST_BUILD_S = 60.0

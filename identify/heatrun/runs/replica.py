@@ -10,6 +10,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import least_squares
 
+from lptn.effects import SensorEffect
+
 from ..model.bodies import OWN, own_name
 from ..model.draws import block_means
 from ..model.model import Model
@@ -121,7 +123,8 @@ def replica(
     """Return the network with fewer effects that behaves most like a model on its fitted tests.
 
     Its resistances and capacities are those that bring its winding nearest to the model's, with
-    exact instruments and the model's start temperatures. None where the model has no effects.
+    exact instruments and the model's start temperatures; what a sensor does to the reading is none
+    of the network's, and the same in both. None where the model has no effects.
 
     Args:
         model: The network with its effects.
@@ -134,7 +137,8 @@ def replica(
     names = [p.name for p in model.form.parameters if p.fixed is None]
     if not model.effects or not fitted:
         return None
-    plain = replace(model, effects=tuple(e for e in model.effects if e.card.id in kept))
+    left = tuple(e for e in model.effects if e.card.id in kept or issubclass(e, SensorEffect))
+    plain, ids = replace(model, effects=left), {effect.card.id for effect in left}
     own_names = {own_name(name) for name in OWN}  # a test's own: its inputs without these mislead
     exact = {
         name: parameter.centre
@@ -144,7 +148,7 @@ def replica(
 
     def followed(each: Prediction) -> Followed:
         own = {n: v for n, v in each.middle.items()
-               if n not in exact and ("." not in n or n.split(".")[0] in kept)}  # fmt: skip
+               if n not in exact and ("." not in n or n.split(".")[0] in ids)}  # fmt: skip
         return Followed(each.test, each.median, exact | own)
 
     courses = {each.test.name: followed(each) for each in tests}

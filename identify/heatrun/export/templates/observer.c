@@ -2,17 +2,18 @@
 /* Observer. Its states: the temperatures; heat that the network misses, on each heated node a
  * Gauss-Markov process with the size and the time of the run; a slow error of the readings, another
  * such process; what a sensor that lags shows. With white noise on top, the innovations of a sound
- * sensor are white. Four errors stay as they are: of the sensor, of the sink, of all heat as a
- * share, and of the losses that are passed; sink and heat are as wide as the parameters of the run
- * leave the temperatures open. No record tells them apart, so they count in the covariance and are
- * not estimated (S. F. Schmidt 1966). */
+ * sensor are white. Four errors stay as they are: of the sensor; of the sink; of the heat, all as a
+ * share and the losses that are passed; and of the parameters, in the direction that the run tells
+ * least of, by which nodes that it did not read are off beside one that it did. Sink and heat are
+ * as wide as the parameters leave the temperatures open otherwise. No record tells them apart, so
+ * they count in the covariance and are not estimated (S. F. Schmidt 1966). */
 #define NUM_HEATS HEATRUN_NUM_HEATS
 #define NUM_STATES HEATRUN_NUM_STATES
 #define SLOW (NUM_NODES + NUM_HEATS)
-#define CONSTANT (SLOW + 1 + HEATRUN_HAS_LAG) /* the first of them: sensor, sink, share, losses */
+#define CONSTANT (SLOW + 1 + HEATRUN_HAS_LAG) /* the first of them: sensor, sink, heat, path */
 #define SINK_ERROR (CONSTANT + 1)
-#define SHARE_ERROR (CONSTANT + 2)
-#define LOSSES_ERROR (CONSTANT + 3)
+#define HEAT_ERROR (CONSTANT + 2)
+#define PATH_ERROR (CONSTANT + 3)
 #define SENSED $sensed
 #define MOST_SD_K 300.0 /* a node that is known no better is not known */
 #if HEATRUN_HAS_LAG
@@ -42,12 +43,18 @@ static const heatrun_real SLOW_DECAY = R($slow_decay);
 static const heatrun_real SINK_SD_K = R($sink_sd);
 static const heatrun_real SHARE_SD = R($share_sd);
 static const heatrun_real LOSSES_SD = R($losses_sd);
+static const heatrun_real HEAT_ERROR_SD = R($heat_error_sd); /* of both */
+static const heatrun_real LOSSES_PART = R($losses_part); /* of the losses in its square */
 static const heatrun_real ERRORS_W = R($errors); /* heat that errors of sensor and sink look like */
 static const heatrun_real BLIND_K = R($blind); /* growth in a step without inputs */
 static const heatrun_real ANSWER_SD = R($answer_sd); /* of a fresh change, over that change */
 static const heatrun_real MISFIT_SD_K = R($misfit_sd); /* of the network, with the slow noise */
 static const heatrun_real LATE_DECAY = R($late_decay); /* of what a sensor that lags has not shown */
 static const heatrun_real ANSWER_DECAY = R($answer_decay); /* with the time of the sensed node */
+
+/* The parameters of the run, one sd off in the direction that it tells least of. */
+static const heatrun_parameters ASIDE = {
+$aside};
 
 /* Place of a covariance in the lower triangle, whose rows are no longer than the first constant:
  * constants stay independent, with their variances. */
@@ -88,8 +95,8 @@ static heatrun_real start_variance(int i)
         : i == SLOW                  ? R(HEATRUN_SLOW_SD_K)
         : i == CONSTANT              ? R(HEATRUN_SENSOR_SD_K)
         : i == SINK_ERROR            ? SINK_SD_K
-        : i == SHARE_ERROR           ? SHARE_SD
-        : i == LOSSES_ERROR          ? LOSSES_SD
+        : i == HEAT_ERROR            ? HEAT_ERROR_SD
+        : i == PATH_ERROR            ? R(1.0)
                                      : R(0.0);
     return sd*sd;
 }
@@ -102,11 +109,13 @@ static heatrun_real covariance(const heatrun_observer *observer, int i, int j)
 }
 
 /* The network near its temperatures: what a kelvin more of each node, and then of the sinks, adds
- * to the slope of every node [1/s]. */
-static void slopes_near(const drive *at, const heatrun_real T[NUM_NODES],
-                        heatrun_real per_s[NUM_NODES + 1][NUM_NODES])
+ * to the slope of every node [1/s]; and what parameters that are aside add [K/s]. */
+static void slopes_near(const drive *at, const heatrun_inputs *inputs,
+                        const heatrun_real T[NUM_NODES],
+                        heatrun_real per_s[NUM_NODES + 2][NUM_NODES])
 {
     heatrun_real now[NUM_NODES];
+    drive other;
     int i, j;
     slopes(at, T, now);
     for (j = 0; j <= NUM_NODES; ++j) {
@@ -124,10 +133,17 @@ static void slopes_near(const drive *at, const heatrun_real T[NUM_NODES],
             per_s[j][i] -= now[i];
         }
     }
+    prepare(&heatrun_identified, inputs, &other);
+    slopes(&other, T, now);
+    prepare(&ASIDE, inputs, &other);
+    slopes(&other, T, per_s[NUM_NODES + 1]);
+    for (i = 0; i < NUM_NODES; ++i) {
+        per_s[NUM_NODES + 1][i] -= now[i];
+    }
 }
 
 /* Column of F: what becomes of a state of 1 in a step. */
-static void passed(const drive *at, heatrun_real per_s[NUM_NODES + 1][NUM_NODES],
+static void passed(const drive *at, heatrun_real per_s[NUM_NODES + 2][NUM_NODES],
                    const heatrun_real now_W[NUM_NODES], int j, heatrun_real column[NUM_STATES])
 {
     const heatrun_parameters *p = at->parameters;
@@ -141,8 +157,9 @@ static void passed(const drive *at, heatrun_real per_s[NUM_NODES + 1][NUM_NODES]
     for (i = 0; i < NUM_NODES; ++i) {
         const heatrun_real C = p->capacitance_J_per_K[i];
         push[i] = j == SINK_ERROR ? per_s[NUM_NODES][i]
-            : j == SHARE_ERROR    ? now_W[i]/C
-            : j == LOSSES_ERROR   ? p->share[i]*at->losses_W/C
+            : j == PATH_ERROR     ? per_s[NUM_NODES + 1][i]
+            : j == HEAT_ERROR
+            ? (now_W[i] + LOSSES_PART*(p->share[i]*at->losses_W - now_W[i]))/C
             : j >= NUM_NODES && j < SLOW && HEATED[j - NUM_NODES] == i ? R(1.0)/C
                                                                       : R(0.0);
         column[i] = i == j ? R(1.0) : R(0.0);
@@ -174,13 +191,13 @@ static void passed(const drive *at, heatrun_real per_s[NUM_NODES + 1][NUM_NODES]
 
 /* P -> F P F' + Q; F stands by columns. */
 static void predict_covariance(heatrun_observer *observer, const drive *at,
-                               const heatrun_real now_W[NUM_NODES])
+                               const heatrun_inputs *inputs, const heatrun_real now_W[NUM_NODES])
 {
     heatrun_real F[NUM_STATES][NUM_STATES];
     heatrun_real product[NUM_STATES][NUM_STATES];
-    heatrun_real per_s[NUM_NODES + 1][NUM_NODES];
+    heatrun_real per_s[NUM_NODES + 2][NUM_NODES];
     int i, j, k;
-    slopes_near(at, observer->model.temperature_degC, per_s);
+    slopes_near(at, inputs, observer->model.temperature_degC, per_s);
     for (j = 0; j < NUM_STATES; ++j) {
         passed(at, per_s, now_W, j, F[j]);
     }
@@ -571,7 +588,7 @@ heatrun_estimate heatrun_observer_step(heatrun_observer *observer, const heatrun
     if (estimate.status == HEATRUN_OK) {
         heatrun_real now_W[NUM_NODES];
         heats(&at, observer->model.temperature_degC, now_W);
-        predict_covariance(observer, &at, now_W);
+        predict_covariance(observer, &at, inputs, now_W);
         push_K = R(HEATRUN_STEP_S)*heat_sd(&at, now_W, SENSED)
             /at.parameters->capacitance_J_per_K[SENSED];
         forced = is_forced(observer, &at, now_W);
