@@ -206,7 +206,6 @@ def test_a_new_test_is_exported_with_the_run_s_own_motor_file(day, bench, genera
     values = found.middle  # of the network alone, as they are stated
     assert variables["Ceqw"].item() == pytest.approx(values["Ceq_w"], rel=1e-12)
     assert variables["Two"].item() == pytest.approx(values["Tw_start"], rel=1e-12)
-    # the winding at the medians, which the bands of the run lie around
     course = simulate_variables(variables).winding
     length = variables["t"][-1, 0] / found.nodes["winding"].size
     block = np.maximum(np.ceil(variables["t"].ravel() / length - 1e-9).astype(int) - 1, 0)
@@ -215,7 +214,12 @@ def test_a_new_test_is_exported_with_the_run_s_own_motor_file(day, bench, genera
     # after it, it is forgotten
     later = found.time_s > 500.0
     assert np.sum(later) > 30
-    assert means[later] == pytest.approx(found.nodes["winding"][later], abs=0.1)  # as above
+    # the winding at the medians of the network alone; what it may miss, such as a sensor that picks
+    # up the current, moves the middle of the run's band by less than a quarter of its half-width
+    low, high = found.nodes_95["winding"]
+    apart = np.abs(means - found.nodes["winding"]) / (0.5 * (high - low))
+    assert np.all(apart[later] < 0.25)
+    assert np.all((high - low)[later] < 4.0)
 
 
 def test_a_test_of_the_run_is_exported_by_the_run_s_own_motor_file(day):
