@@ -10,8 +10,6 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import least_squares
 
-from lptn.effects import SensorEffect
-
 from ..model.bodies import OWN, own_name
 from ..model.draws import block_means
 from ..model.model import Model
@@ -137,7 +135,7 @@ def replica(
     names = [p.name for p in model.form.parameters if p.fixed is None]
     if not model.effects or not fitted:
         return None
-    left = tuple(e for e in model.effects if e.card.id in kept or issubclass(e, SensorEffect))
+    left = tuple(e for e in model.effects if e.card.id in kept or e.card.family == "sensor")
     plain, ids = replace(model, effects=left), {effect.card.id for effect in left}
     own_names = {own_name(name) for name in OWN}  # a test's own: its inputs without these mislead
     exact = {
