@@ -296,6 +296,24 @@ def contact_is_loose(bench: Bench) -> float:
     return float(bench.time[places[0]])
 
 
+def picks_up(bench: Bench) -> None:
+    """The sensor's line reads the current too."""
+    amps = bench.columns["amps1"]
+    bench.columns["winding"] += (
+        bench.rng.choice([-1.0, 1.0]) * bench.rng.uniform(12.0, 18.0) * (amps / amps.max())
+    )
+
+
+def shifts_with_load(bench: Bench) -> float:
+    """The sensor moves as the load steps."""
+    load = bench.columns["amps1"] > 0.5 * np.quantile(bench.columns["amps1"], 0.95)
+    steps = np.flatnonzero(np.diff(1.0 * load) != 0.0) + 1
+    inside = steps[(steps > 0.15 * load.size) & (steps < 0.85 * load.size)]
+    place = int(bench.rng.choice(inside)) if inside.size else bench.moment()
+    bench.columns["winding"][place:] += float(bench.rng.choice([-1, 1]) * bench.rng.uniform(6, 12))
+    return float(bench.time[place])
+
+
 class Accident(NamedTuple):
     """What happens, and the findings that name it, all of them needed; `told` are words in one."""
 
@@ -315,6 +333,8 @@ ACCIDENTS: dict[str, Accident] = {
     "falls off, put back": Accident(off_and_on, (OFF,), "mask", True),
     SLOWLY: Accident(slides_off, (OFF,), "mask|use ="),
     "jumps by 5 … 15 K": Accident(shifts, (OFF,), "use =|mask", True),
+    "shifts with a load step": Accident(shifts_with_load, (OFF,), "use =|mask", True),
+    "its line picks up the current": Accident(picks_up, ("sensor_pickup",), "sensor_pickup", True),
     "sticks": Accident(sticks, ("sensor_stuck",), "mask", True),
     "opens": Accident(opens, (OFF,), "mask", True),
     "a phase reads nothing": Accident(_phase(0.0), ("sensors_differ",), "'I"),

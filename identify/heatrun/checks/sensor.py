@@ -197,7 +197,11 @@ LAWS = (0.0, 1.0, 2.0)
 """Exponents of the current by which a sensor's line may pick it up [1]."""
 
 FEWEST_STEPS, ALIKE, MOSTLY = 3, 0.3, 0.8
-"""Steps that tell it; of so many [1] the jump over the step of the law agrees to this share [1]."""
+"""Steps that tell it, one less where it goes up and down; of so many [1] the jump over the step of
+the law agrees to this share [1]."""
+
+MOST_LOADED = 0.99
+"""Quantile of the current that counts as the largest [1]."""
 
 
 def sensor_pickup(record: Record, motor: Motor) -> Iterator[Finding]:
@@ -206,31 +210,36 @@ def sensor_pickup(record: Record, motor: Motor) -> Iterator[Finding]:
     Below what `jumps_at_once` allows it is the fit's to see.
     """
     time_s, winding, current = samples(record, "winding_degC", "phase_current_A")
-    largest_A = float(np.max(np.abs(current), initial=0.0))
-    if time_s.size < 10 or not 0.0 < largest_A < np.inf:
+    if time_s.size < 10:
+        return
+    largest_A = float(np.quantile(np.abs(current), MOST_LOADED))  # no inrush
+    if not 0.0 < largest_A < np.inf:
         return
     ratio = np.abs(current) / largest_A
     change = np.abs(np.diff(ratio))
     at = np.arange(2, time_s.size - 4)
     is_still = np.maximum(change[at - 1], change[at + 1]) < STILL_BY
     at = at[(change[at] > STEPS_BY) & is_still]
-    if at.size < FEWEST_STEPS:
+    if at.size < FEWEST_STEPS - 1:
         return
-    moved = leaps_K(time_s, winding, at)
+    at_least, moved = leaps_K(time_s, winding, at)
+    slack = 2.0 * (rounding_step(winding) or 0.0) + NOISE_SIGMAS * _noise(winding)
+    least_K = MAX_RATE_K_PER_S * median_step(time_s) + slack
     tried = []
     for exponent in LAWS:
         of_law = np.where(ratio > STILL_BY, ratio**exponent, 0.0)
         steps = of_law[at + 1] - of_law[at]
         told = np.abs(steps) > STEPS_BY
+        if not told.any() or abs(np.median(at_least[told] / steps[told])) <= least_K:
+            continue
         jumps_K = moved[told] / steps[told]
-        middle_K = float(np.median(jumps_K)) if told.any() else 0.0
+        middle_K = float(np.median(jumps_K))
         is_alike = np.abs(jumps_K - middle_K) < ALIKE * abs(middle_K)
-        is_both = np.ptp(np.sign(steps[told][is_alike])) == 2.0 if is_alike.any() else False
-        if np.sum(is_alike) >= max(FEWEST_STEPS, MOSTLY * told.sum()) and is_both:
+        num_ways = np.unique(np.sign(steps[told][is_alike])).size
+        is_enough = np.sum(is_alike) + num_ways > FEWEST_STEPS
+        if is_enough and np.sum(is_alike) >= MOSTLY * told.sum():
             scatter = float(np.median(np.abs(jumps_K - middle_K))) / abs(middle_K)
             tried.append((scatter, exponent, middle_K, int(np.sum(is_alike))))
-    slack = 2.0 * (rounding_step(winding) or 0.0) + NOISE_SIGMAS * _noise(winding)
-    tried = [one for one in tried if abs(one[2]) > MAX_RATE_K_PER_S * median_step(time_s) + slack]
     if not tried:
         return
     _, exponent, rated_K, num_steps = min(tried)

@@ -164,7 +164,7 @@ class _Course:
         if not 2 <= cell < size - 4:
             return False
         noise_K = 1.4826 * float(np.median(np.abs(np.diff(self.reading[:size]))))
-        leap_K = leaps_K(self.time_s, self.reading, np.array([cell]))
+        leap_K, _ = leaps_K(self.time_s, self.reading, np.array([cell]))
         return abs(float(leap_K[0])) > LEAST_K[0] + 2.0 * self.step_K + SIGMAS * noise_K
 
     def _events(self, by_heat: np.ndarray) -> list[int]:
@@ -244,22 +244,24 @@ class _Course:
         return int(begin + np.argmax(np.abs(np.diff(self.reading[span] - by_heat[span]))))
 
 
-def leaps_K(time_s: np.ndarray, reading: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Return how far readings move within two samples beyond the slopes before and after [K].
+def leaps_K(
+    time_s: np.ndarray, reading: np.ndarray, at: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return how far readings move within two samples beyond the slopes before and after, and
+    beyond the mean of both [K].
 
     A load that steps between them changes the slope of a temperature, which then moves by something
-    between the two; a sensor that shifts moves at once.
+    between the two, about their mean; a sensor that shifts moves at once.
 
     Args:
         time_s: Times of the samples [s].
         reading: Readings [degC].
         at: The sample before each step; two come before it and four after it.
     """
-    slopes = [
-        (reading[to] - reading[to - 2]) / (time_s[to] - time_s[to - 2]) for to in (at, at + 4)
-    ]
-    moved = reading[at + 2] - reading[at]
-    return moved - np.clip(moved, *(np.sort(slopes, axis=0) * (time_s[at + 2] - time_s[at])))
+    before, moved, after = (reading[at + 2 * n] - reading[at + 2 * n - 2] for n in range(3))
+    lasts_s = [time_s[at + 2 * n] - time_s[at + 2 * n - 2] for n in range(3)]
+    by_slope = lasts_s[1] * np.sort([before / lasts_s[0], after / lasts_s[2]], axis=0)
+    return moved - np.clip(moved, *by_slope), moved - np.mean(by_slope, axis=0)
 
 
 def _swing(by_heat: np.ndarray, begin: np.ndarray, width: int) -> np.ndarray:
