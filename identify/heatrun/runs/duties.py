@@ -21,7 +21,7 @@ from ..model.model import Model
 from ..record.motor import LIMIT_DEGC, Motor
 from ..results.model import DerivedFigure
 from ..results.values import known, number
-from .figures_of_draws import DrawValues, extrapolated, figure, refused, steady_rise
+from .figures_of_draws import Budget, DrawValues, extrapolated, figure, refused, steady_rise
 from .machine import RAD_PER_S, WARM, Machine, Tested, fixed_losses
 from .stated_duty import Duty, Phase
 
@@ -122,12 +122,23 @@ class Rated:
     limit: Limit | None
     surroundings: str  # As `heatrun.runs.machine.Tested.surroundings`.
     rated_A: float = math.nan  # The rated current, else that of the loaded tests [A].
+    budget: Budget | None = None  # Gives the budget of draws; None for none.
+
+    @cached_property
+    def picked(self) -> Int[np.ndarray, " draw"]:
+        """Which draws ratings are simulated with."""
+        return np.random.default_rng(0).permutation(self.times.shape[0])[:NUM_DRAWS]
+
+    def with_budget(self, entry: DerivedFigure, draws: np.ndarray) -> DerivedFigure:
+        """Return a figure with where its uncertainty comes from, if all of its draws have it."""
+        if self.budget is None or known(entry.refused) or not np.all(np.isfinite(draws)):
+            return entry
+        return replace(entry, budget=self.budget(draws, picked=self.picked))
 
     @cached_property
     def sample(self) -> Sample:
         """The draws that ratings are simulated with."""
-        num = self.times.shape[0]
-        picked = np.random.default_rng(0).permutation(num)[:NUM_DRAWS]
+        picked = self.picked
         return Sample(
             values={name: draws[picked] for name, draws in self.draw_values.values.items()},
             other=np.asarray(self.drawn.other)[picked],
@@ -181,7 +192,8 @@ def duty_current(rated: Rated, duty: Duty) -> DerivedFigure:
     if entry.median == 0.0:
         return refused(f"the other losses alone lead to {limit.degC:.0f} °C")
     largest = entry.median * max(phase.current for phase in duty.phases)
-    return extrapolated(entry, seen.short_of(degC=limit.degC, amperes=largest))
+    found = extrapolated(entry, seen.short_of(degC=limit.degC, amperes=largest))
+    return rated.with_budget(found, current)
 
 
 SHORT_CYCLE = 0.5

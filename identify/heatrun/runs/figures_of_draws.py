@@ -183,7 +183,8 @@ def steady_rise(draws: np.ndarray, condition: str, seen: Tested) -> DerivedFigur
 
 
 Budget = Callable[..., tuple[BudgetRow, ...]]
-"""Gives the budget of a figure from its draws, shape (draw,), and from further parts."""
+"""Gives the budget of a figure from its draws, shape (draw,), and from further parts; `picked` says
+which draws they are of, where not of all."""
 
 OF_ROLE = {
     "network": "priors of capacities and resistances",
@@ -227,8 +228,17 @@ def budget_of(posterior: Posterior) -> Budget:
     for place, slot in enumerate(fit.slots):
         sources.setdefault(_source(slot), []).append(place)
 
-    def of(draws: Float[np.ndarray, " draw"], *more: Part) -> tuple[BudgetRow, ...]:
-        slopes = to_slopes @ (draws - np.mean(draws))
+    def of(
+        draws: Float[np.ndarray, " draw"],
+        *more: Part,
+        picked: Int[np.ndarray, " draw"] | None = None,
+    ) -> tuple[BudgetRow, ...]:
+        apart = draws - np.mean(draws)
+        if picked is None:
+            slopes = to_slopes @ apart
+        else:
+            some = behind[picked] - behind[picked].mean(axis=0)
+            slopes = np.linalg.lstsq(some, apart, rcond=np.finfo(float).eps * len(some))[0]
         moved = covariance @ slopes[:size]
         parts = [*more]
         for name, places in sources.items():

@@ -254,8 +254,7 @@ def derive(
     Args:
         posterior: Draws, of any network with any effects.
         duties: Ratings asked for, such as `"S2-30"` and `"time:150A:hot"`, as `parse_rating`.
-        budget: From `budget_of`, of resistances at stated conditions, time constants, steady rise
-            and continuous currents; None for none.
+        budget: From `budget_of`, of what stands on page 1 and of the ratings; None for none.
 
     Raises:
         UsageError: If a rating is none of these.
@@ -304,7 +303,7 @@ def derive(
         times = time_constants(rates(draw_values.model, draw_values.values, seen.loaded, winding).A)
     # as the map of ratings and the margin of page 1: the permitted rise where the class has one
     machine = Rated(draw_values, drawn, times, seen, rise or limit, surroundings,
-                    rated or seen.amperes)  # fmt: skip
+                    rated or seen.amperes, budget)  # fmt: skip
     by = "continuous_current_A" if rise is None else "continuous_current_by_rise_A"
     for text in duties:
         figures |= rating(machine, text, figures[by], rated, fast_s)[1]
@@ -429,7 +428,8 @@ def _time(
         return refused(f"{words}, the winding is at {limit.degC:.0f} °C or above at the start")
     reached = "" if chance == 100.0 else f"reached with a probability of {chance:.0f} %, "
     entry = figure(times, "s", f"{reached}{amperes}, {words}, {_heated(rated, limit)}")
-    return extrapolated(entry, rated.seen.short_of(degC=limit.degC, amperes=current))
+    found = extrapolated(entry, rated.seen.short_of(degC=limit.degC, amperes=current))
+    return rated.with_budget(found, times)
 
 
 def _starts(
@@ -484,7 +484,7 @@ def _starts(
         soon, late = np.where(hot, middle, soon), np.where(hot, late, middle)
     pause = np.where(is_never, np.inf, np.where(is_waiting, longest * late, 0.0))
     entry = figure(pause, "s", f"at rest after {median} starts, then one more, {words}")
-    return found, extrapolated(entry, short, slack=np.inf)
+    return found, rated.with_budget(extrapolated(entry, short, slack=np.inf), pause)
 
 
 def _state(
