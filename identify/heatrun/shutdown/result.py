@@ -274,7 +274,10 @@ def _reason(first_s: float, extrapolation: float, within_K: float, latest: float
         return f"{said} Readings with less scatter, or a calibrated run (--run), are needed."
     if latest > 0.95 * first_s:
         return f"{said} More readings, or a calibrated run (--run), would do."
-    return f"{said} It should have come within about {latest:.0f} s; a run (--run) helps too."
+    return (
+        f"{said} It should have come within about {latest:.0f} s; a run (--run) helps too, and --at "
+        "where the times are not from switch-off on."
+    )
 
 
 def _limits(motor: Motor, winding: np.ndarray, rise: np.ndarray) -> tuple[Limit, ...]:
