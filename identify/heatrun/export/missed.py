@@ -175,11 +175,12 @@ def least_told(
     course = courses(draws.model, values, rows).nodes
     beside = [course[node] - course[draws.model.form.measured_node] for node in nodes]
     apart = np.concatenate(beside, axis=1)
-    apart -= apart.mean(axis=0)
-    score = np.sqrt(len(apart)) * np.linalg.svd(apart, full_matrices=False)[0][:, 0]
+    told = np.all(np.isfinite(apart), axis=1)  # a draw that is too stiff for the steps says nothing
+    apart = apart[told] - apart[told].mean(axis=0)
+    score = np.sqrt(len(apart)) * np.linalg.eigh(apart @ apart.T)[1][:, -1]
     aside = {}
     for name in names & values.keys():
-        v = values[name]
+        v = values[name][told]
         logs = np.log(v) if np.all(v > 0.0) else v / (middle[name] or 1.0)
         along = float(np.mean((logs - logs.mean()) * score))
         aside[name] = math.exp(along) if np.all(v > 0.0) else 1.0 + along

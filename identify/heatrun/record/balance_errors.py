@@ -80,8 +80,9 @@ WARM_K, RESISTANCE_SHARE = 50.0, 0.25
 STICTION_SHARE = 0.001
 """Torque that friction and cogging may hold at a stop, in parts of the largest one [1]."""
 
-CHANGES = 0.2
-"""What an instrument's error changes from test to test at least, in parts of its prior [1]."""
+CHANGES, EXACT = 0.2, 0.01
+"""What an instrument's error changes from test to test at least, and how well a test tells it at
+most, in parts of its prior [1]."""
 
 UNITS = {"shaft_power_gain": "", "shaft_power_offset": " W", "torque_offset": " N m"}
 
@@ -115,6 +116,7 @@ def together(tests: Sequence[Sequence[Told]]) -> list[tuple[Told, ...]]:
                   if told.name == name]  # fmt: skip
         told = [tests[i][j] for i, j in places]
         mean, own = np.array([(one.mean, one.sd**2) for one in told]).T
+        own = np.maximum(own, (EXACT * told[0].usual) ** 2)
         weight = 1.0 / own
         spread = weight @ (mean - weight @ mean / weight.sum()) ** 2 - (mean.size - 1)
         room = weight.sum() - weight @ weight / weight.sum()
