@@ -275,8 +275,8 @@ def _reason(first_s: float, extrapolation: float, within_K: float, latest: float
     if latest > 0.95 * first_s:
         return f"{said} More readings, or a calibrated run (--run), would do."
     return (
-        f"{said} It should have come within about {latest:.0f} s; a run (--run) helps too, and --at "
-        "where the times are not from switch-off on."
+        f"{said} It should have come within about {latest:.0f} s; a run (--run) helps too, and "
+        "--at where the times are not from switch-off on."
     )
 
 
