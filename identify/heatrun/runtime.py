@@ -37,8 +37,11 @@ def configure() -> None:
     # XLA warns of each program that it takes from the cache: it was compiled to "prefer no gather",
     # which no processor lists among its features
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
-    if "jax" in sys.modules:  # too late for the environment, not for the setting
-        sys.modules["jax"].config.update("jax_enable_x64", True)
+    if "jax" in sys.modules:  # too late for the environment, not for the settings
+        config = sys.modules["jax"].config
+        config.update("jax_enable_x64", True)
+        if os.environ["JAX_ENABLE_COMPILATION_CACHE"] == "false":
+            config.update("jax_enable_compilation_cache", False)
     major_minor = tuple(int(part) for part in version("jaxlib").split(".")[:2])
     if KNOWN_JAXLIB[0] <= major_minor <= KNOWN_JAXLIB[1]:
         is_seen = SEEN_QUICKER[0] <= major_minor <= SEEN_QUICKER[1]

@@ -84,6 +84,39 @@ def test_what_jax_cannot_write_out_is_run_and_not_kept(folder, monkeypatch):
     assert dict(programs.COUNTS) == {"compiled": 1, "unwritable": 1}
 
 
+CACHES_OF_ITS_OWN = """
+import jax
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
+import numpy as np
+from heatrun.io.programs import COUNTS, compiled
+
+@compiled()
+def summed(x):
+    return jax.numpy.cumsum(jax.numpy.sin(x) + jax.numpy.arange(x.size) * 0.5)
+
+x = np.linspace(0.0, 1.0, 300)
+np.testing.assert_allclose(summed(x), np.cumsum(np.sin(x) + np.arange(300) * 0.5))
+print(dict(COUNTS))
+"""
+
+
+@pytest.mark.parametrize("wanted", [None, "true"])
+def test_beside_a_cache_of_jax_s_own_no_program_is_kept_without_its_code(tmp_path, wanted):
+    """JAX was loaded first, and its cache holds the program that is to be kept."""
+    environment = {k: v for k, v in os.environ.items() if k != "JAX_ENABLE_COMPILATION_CACHE"}
+    environment |= {"JAX_COMPILATION_CACHE_DIR": str(tmp_path)}
+    environment |= {} if wanted is None else {"JAX_ENABLE_COMPILATION_CACHE": wanted}
+    script = tmp_path / "script.py"
+    script.write_text(CACHES_OF_ITS_OWN)
+    for run in range(3):
+        done = subprocess.run([sys.executable, script], env=environment, text=True,
+                              capture_output=True, check=False)  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        for kept in tmp_path.glob(f"*{PROGRAM}") if run == 0 else ():
+            kept.unlink()  # as after another version of heatrun
+
+
 def test_the_numbers_of_priors_are_no_part_of_a_program():
     form = network_named("second")
     place, parameter = form.capacitance[0]

@@ -57,6 +57,9 @@ LEVEL, LEVEL_OF_SELDOM = 1, 0
 """Optimisation of the compiler: a fifth less of its time than by default, and programs that run as
 fast; and a third of its time, for programs that run several times as long."""
 
+CACHE_OF_JAX = "jax_enable_compilation_cache"
+"""Setting of JAX that has it keep what was compiled."""
+
 UNKEPT: set[str] = set()
 """Why programs could not be written."""
 
@@ -142,7 +145,8 @@ def _program(
         return found
     program = jitted.lower(*given).compile(options)
     COUNTS["compiled"] += 1
-    if path is not None:
+    # what JAX has read from a cache of its own, it writes out without what the compiler made of it
+    if path is not None and not getattr(jax.config, CACHE_OF_JAX, True):
         try:
             _write(path, program)
         except OSError as error:
