@@ -78,6 +78,7 @@ def of_balance(record: Record, electrical_W: np.ndarray, shaft_W: np.ndarray) ->
 PICKS_UP = changed(
     SMOOTH, winding_degC=SMOOTH["winding_degC"] - 6.0 * SMOOTH["phase_current_A"] / 160.0
 )
+UNDER_TORQUE = changed(STEADY, torque_Nm=np.full(STEADY.time_s.size, 0.5))
 STEPS = np.flatnonzero(np.abs(np.diff(SMOOTH["phase_current_A"])) > 40.0)
 SHIFTS_S = float(SMOOTH.time_s[STEPS[3] + 1])  # with a load step
 SHIFTED = edited(SMOOTH, "winding_degC", SHIFTS_S, 1e9, lambda T: T + 6.0)
@@ -241,6 +242,12 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
     ),
     "losses of no marker on the last sample of a load": (
         "load_spike", edited(every(CLEAN, 20), "losses_W", 224.0, 225.0, 5e4), MOTOR, "error"
+    ),
+    "a torque under a current that stays": (
+        "load_spike", edited(UNDER_TORQUE, "torque_Nm", 1500.0, 1500.5, 60.0), MOTOR, "error"
+    ),
+    "a record that begins with the end of a load": (
+        "load_spike", edited(UNDER_TORQUE, "torque_Nm", 0.0, 0.5, 60.0), MOTOR, None
     ),
     "an inrush": (
         "load_spike", edited(CLEAN, "phase_current_A", 20.0, 20.2, 600.0), MOTOR, None
