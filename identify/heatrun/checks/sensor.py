@@ -78,6 +78,11 @@ def _noise(values: np.ndarray) -> float:
     return 1.4826 * float(np.median(np.abs(changes - np.median(changes))))
 
 
+def _slack_K(values: np.ndarray) -> float:
+    """Return what rounding and noise may move a reading from sample to sample [K]."""
+    return 2.0 * (rounding_step(values) or 0.0) + NOISE_SIGMAS * _noise(values)
+
+
 SAME_S = 10.0
 """Within this a jump and a movement are one [s]."""
 
@@ -140,7 +145,7 @@ def jumps_at_once(record: Record, motor: Motor) -> Iterator[Finding]:
         if time_s.size < 3:
             continue
         steps = np.diff(time_s)
-        slack = 2.0 * (rounding_step(temperature) or 0.0) + NOISE_SIGMAS * _noise(temperature)
+        slack = _slack_K(temperature)
         rates = np.diff(temperature) / steps
         earlier, later = np.append(0.0, rates[:-1]), np.append(rates[1:], 0.0)
         beside = np.maximum(np.sign(rates) * earlier, np.sign(rates) * later)
@@ -223,8 +228,7 @@ def sensor_pickup(record: Record, motor: Motor) -> Iterator[Finding]:
     if at.size < FEWEST_STEPS - 1:
         return
     at_least, moved = leaps_K(time_s, winding, at)
-    slack = 2.0 * (rounding_step(winding) or 0.0) + NOISE_SIGMAS * _noise(winding)
-    least_K = MAX_RATE_K_PER_S * median_step(time_s) + slack
+    least_K = MAX_RATE_K_PER_S * median_step(time_s) + _slack_K(winding)
     tried = []
     for exponent in LAWS:
         of_law = np.where(ratio > STILL_BY, ratio**exponent, 0.0)

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import scipy.io
-from scipy.integrate import cumulative_trapezoid
 
 from ..errors import InputError
 from ..io.own_files import EXPORT
@@ -23,7 +22,7 @@ from ..model.network_form import NetworkForm
 from ..model.network_text import BUILT_IN, network_named
 from ..record.motor import Motor
 from ..record.record import Finding
-from ..record.samples import BLOCK_S
+from ..record.samples import BLOCK_S, integral
 from ..version import __version__
 from .network_course import simulate_network, simulate_variables
 from .network_file import SCRIPT as NETWORK_SCRIPT
@@ -404,7 +403,7 @@ def _effects_left_out(found: RunAndTest, reading: np.ndarray, file: str) -> tupl
     if predicted is None or not predicted.maybe_missing:
         return ()
     time = found.record.time_s
-    total = np.concatenate([[0.0], cumulative_trapezoid(reading, time)])
+    total = integral(reading, np.diff(time))
     edges = np.clip(predicted.time_s[:, None] + [-0.5 * BLOCK_S, 0.5 * BLOCK_S], time[0], time[-1])
     exported = np.diff(np.interp(edges, time, total))[:, 0] / np.diff(edges)[:, 0]
     difference = float(np.nanmax(np.abs(exported - predicted.reading)))

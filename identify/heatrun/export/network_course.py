@@ -231,12 +231,15 @@ def without_errors_of_bench(found: Mapping[str, Any]) -> np.ndarray:
         found: From `read_network`.
     """
     time, measured = np.atleast_1d(found["t"]) - found["t"][0], np.atleast_1d(found["Tw_m"])
+    effects = map(_effect, np.atleast_1d(found["effects"]))
+    errors = [each for each in effects if isinstance(each, SensorGain | SensorPickup)]
+    if not errors:
+        return measured
     sample = float(np.median(np.diff(time)))
     grid = Grid.of(time, max(sample / LINES_PER_SAMPLE, SENSOR_STEP_S))
-    seen = jnp.zeros(grid.step.size + 1).at[grid.first].set(measured)
-    for effect in map(_effect, np.atleast_1d(found["effects"])):
-        if isinstance(effect, SensorGain | SensorPickup):
-            seen = effect.observe(seen, {}, _inputs(found, grid))
+    inputs, seen = _inputs(found, grid), jnp.zeros(grid.step.size + 1).at[grid.first].set(measured)
+    for effect in errors:
+        seen = effect.observe(seen, {}, inputs)
     return 2.0 * measured - np.asarray(seen)[grid.first]
 
 

@@ -314,11 +314,11 @@ def add_budget(
 def _parameter(data: Element, line: ParameterLine) -> None:
     """Add a parameter with the digits of the sheet, or what it is at stated conditions."""
     entry, figure = line.entry, line.figure
-    if figure is not None or entry is None:
-        assert figure is not None
+    if figure is not None:
         held = add_named(data, f"{line.name}: {line.meaning}")
         add_uncertain(held, figure.median, line.sd, figure.ends, line.unit)
         return
+    assert entry is not None  # a line is of the one or the other
     words = "; ".join(text for text in (judged(entry), _types(entry), entry.why or "") if text)
     held = add_named(data, f"{line.name}: {line.meaning}", words)
     if printed(entry).form == "given":

@@ -31,7 +31,7 @@ class DerivedFigure:
     condition: str | UnsetType = UNSET  # What it holds under.
     refused: str | UnsetType = UNSET  # Why there is no figure; all other fields are unset then.
     # Where its uncertainty comes from, of resistances at stated conditions, time constants, steady
-    # rise and continuous currents; unset for other figures and in files of earlier versions.
+    # rise, continuous currents and ratings; unset for others and in files of earlier versions.
     budget: tuple[BudgetRow, ...] | UnsetType = UNSET
 
     def __post_init__(self) -> None:

@@ -21,7 +21,15 @@ from ..model.model import Model
 from ..record.motor import LIMIT_DEGC, Motor
 from ..results.model import DerivedFigure
 from ..results.values import known, number
-from .figures_of_draws import Budget, DrawValues, extrapolated, figure, refused, steady_rise
+from .figures_of_draws import (
+    Budget,
+    DrawValues,
+    extrapolated,
+    figure,
+    refused,
+    steady_rise,
+    with_budget,
+)
 from .machine import RAD_PER_S, WARM, Machine, Tested, fixed_losses
 from .stated_duty import Duty, Phase
 
@@ -129,12 +137,6 @@ class Rated:
         """Which draws ratings are simulated with."""
         return np.random.default_rng(0).permutation(self.times.shape[0])[:NUM_DRAWS]
 
-    def with_budget(self, entry: DerivedFigure, draws: np.ndarray) -> DerivedFigure:
-        """Return a figure with where its uncertainty comes from, if all of its draws have it."""
-        if self.budget is None or known(entry.refused) or not np.all(np.isfinite(draws)):
-            return entry
-        return replace(entry, budget=self.budget(draws, picked=self.picked))
-
     @cached_property
     def sample(self) -> Sample:
         """The draws that ratings are simulated with."""
@@ -193,7 +195,7 @@ def duty_current(rated: Rated, duty: Duty) -> DerivedFigure:
         return refused(f"the other losses alone lead to {limit.degC:.0f} °C")
     largest = entry.median * max(phase.current for phase in duty.phases)
     found = extrapolated(entry, seen.short_of(degC=limit.degC, amperes=largest))
-    return rated.with_budget(found, current)
+    return with_budget(found, current, rated.budget, rated.picked)
 
 
 SHORT_CYCLE = 0.5

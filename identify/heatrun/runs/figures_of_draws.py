@@ -186,6 +186,26 @@ Budget = Callable[..., tuple[BudgetRow, ...]]
 """Gives the budget of a figure from its draws, shape (draw,), and from further parts; `picked` says
 which draws they are of, where not of all."""
 
+
+def with_budget(
+    entry: DerivedFigure,
+    draws: np.ndarray,
+    budget: Budget | None,
+    picked: Int[np.ndarray, " draw"] | None = None,
+) -> DerivedFigure:
+    """Return a figure with where its uncertainty comes from, if it is stated and all draws have it.
+
+    Args:
+        entry: The figure.
+        draws: What it is of, shape (draw,).
+        budget: As `budget_of`; None for none.
+        picked: Which of the posterior's draws they are of; None for all.
+    """
+    if budget is None or known(entry.refused) or not np.all(np.isfinite(draws)):
+        return entry
+    return replace(entry, budget=budget(draws, picked=picked))
+
+
 OF_ROLE = {
     "network": "priors of capacities and resistances",
     "effect": "priors of the effects' parameters",

@@ -52,6 +52,7 @@ from .figures_of_draws import (
     figure,
     refused,
     steady_rise,
+    with_budget,
     with_effects,
 )
 from .machine import Machine, Tested, UnderLoad, fixed_losses, machines, tested, under_load
@@ -168,9 +169,7 @@ def at_conditions(
             continue
         for ending, (draws, words) in at.items():
             entry = figure(draws, "K/W", words, plausible)
-            if budget is not None and np.all(np.isfinite(draws)):
-                entry = replace(entry, budget=budget(draws))
-            figures[f"{name}{ending}"] = entry
+            figures[f"{name}{ending}"] = with_budget(entry, draws, budget)
     return figures
 
 
@@ -320,12 +319,10 @@ def _with_budgets(
         "continuous_current_A": jnp.sqrt(drawn.limit_squared),
         "continuous_current_by_rise_A": jnp.sqrt(drawn.permitted_squared),
     }
-    found = dict(figures)
-    for name in behind.keys() & figures.keys():
-        draws = np.asarray(behind[name])
-        if np.all(np.isfinite(draws)) and not known(figures[name].refused):
-            found[name] = replace(figures[name], budget=budget(draws))
-    return found
+    return {
+        name: with_budget(entry, np.asarray(behind[name]), budget) if name in behind else entry
+        for name, entry in figures.items()
+    }
 
 
 def rating(
@@ -429,7 +426,7 @@ def _time(
     reached = "" if chance == 100.0 else f"reached with a probability of {chance:.0f} %, "
     entry = figure(times, "s", f"{reached}{amperes}, {words}, {_heated(rated, limit)}")
     found = extrapolated(entry, rated.seen.short_of(degC=limit.degC, amperes=current))
-    return rated.with_budget(found, times)
+    return with_budget(found, times, rated.budget, rated.picked)
 
 
 def _starts(
@@ -484,7 +481,8 @@ def _starts(
         soon, late = np.where(hot, middle, soon), np.where(hot, late, middle)
     pause = np.where(is_never, np.inf, np.where(is_waiting, longest * late, 0.0))
     entry = figure(pause, "s", f"at rest after {median} starts, then one more, {words}")
-    return found, rated.with_budget(extrapolated(entry, short, slack=np.inf), pause)
+    entry = extrapolated(entry, short, slack=np.inf)
+    return found, with_budget(entry, pause, rated.budget, rated.picked)
 
 
 def _state(
