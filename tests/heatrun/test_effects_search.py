@@ -82,6 +82,11 @@ def test_a_trace_neither_enters_the_model_nor_takes_the_place_of_an_effect(searc
     assert "time_shift" not in searched.ids
 
 
+def test_what_jumps_with_the_load_is_sought_where_samples_jump(searched):
+    """Means over 20 s take a fast body and a late reading for it; the samples do not."""
+    assert "jump" in searched.library.unavailable["sensor_pickup"]
+
+
 def test_what_the_line_of_the_sensor_picks_up_is_no_fast_body(hidden_bench):
     case, motor, (staircase, _), _ = machine(hidden_bench, ("sensor_pickup",), 45, amplitude=1.0)
     model = Model.of("second", motor).scaled(motor, [staircase])

@@ -18,7 +18,7 @@ from ..record.channels import BODIES
 from ..record.derive import RAD_PER_S_PER_RPM, recorded_shaft_power
 from ..record.motor import Motor
 from ..record.record import Finding, Record
-from ..record.samples import channel_of
+from ..record.samples import channel_of, without_pickup
 from ..record.stretch import bridge, mask, move_load, windows, within
 from .advice import in_one_line
 from .course import (
@@ -44,7 +44,6 @@ from .sensor import (
     sensor_detached,
     sensor_pickup,
     temperature_jump,
-    without_pickup,
 )
 from .standstill import current_scale_unchecked, resistance_coefficient, standstill_losses
 from .suitability import simulated_by_heatrun

@@ -1,7 +1,6 @@
 """Does the temperature sensor hang on, or has it come off or broken?"""
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -11,26 +10,24 @@ from ..record.record import Finding, Record
 from ..record.samples import (
     channel_of,
     is_loaded,
-    median_step,
+    pickup,
     place,
     rounding_step,
     runs,
     samples,
     sink_channel,
+    slack_K,
     with_all_heat,
 )
 from ..record.stretch import windows, within
 from .advice import Part, Remedy, exchange_line, mask_line, use_line
 from .contact import lost_contact
 from .frozen import Looked
-from .unexplained import WINDOWS_S, Movement, leaps_K
+from .unexplained import WINDOWS_S, Movement
 
 MAX_RATE_K_PER_S = 5.0
 """A winding heats adiabatically at rho J^2/(c d): with copper at 100 degC (2.3e-8 ohm m, 385 J/kg
 K, 8960 kg/m^3) 5 K/s needs 27 A/mm^2, which no bench holds for more than seconds."""
-
-NOISE_SIGMAS = 6.0
-"""Gaussian noise exceeds six standard deviations once in 5e8 samples."""
 
 SPIKE_SAMPLES = 4
 """A jump that is undone within so many samples is a spike, not a shift."""
@@ -70,17 +67,6 @@ FALL_SHARE = 0.5
 BELOW_HOUSING_K, BELOW_HOUSING_S = 3.0, 60.0
 """Two sensors agree to 1 K each; a housing in the sun of an inverter is warmer than a cold winding
 for less."""
-
-
-def _noise(values: np.ndarray) -> float:
-    """Robust standard deviation of the change from sample to sample."""
-    changes = np.diff(values)
-    return 1.4826 * float(np.median(np.abs(changes - np.median(changes))))
-
-
-def _slack_K(values: np.ndarray) -> float:
-    """Return what rounding and noise may move a reading from sample to sample [K]."""
-    return 2.0 * (rounding_step(values) or 0.0) + NOISE_SIGMAS * _noise(values)
 
 
 SAME_S = 10.0
@@ -145,7 +131,7 @@ def jumps_at_once(record: Record, motor: Motor) -> Iterator[Finding]:
         if time_s.size < 3:
             continue
         steps = np.diff(time_s)
-        slack = _slack_K(temperature)
+        slack = slack_K(temperature)
         rates = np.diff(temperature) / steps
         earlier, later = np.append(0.0, rates[:-1]), np.append(rates[1:], 0.0)
         beside = np.maximum(np.sign(rates) * earlier, np.sign(rates) * later)
@@ -194,77 +180,26 @@ def jumps_at_once(record: Record, motor: Motor) -> Iterator[Finding]:
         )
 
 
-STEPS_BY, STILL_BY = 0.2, 0.05
-"""Of the largest current [1]: a step is more than the one, and what lies beside it less than the
-other."""
-
-LAWS = (0.0, 1.0, 2.0)
-"""Exponents of the current by which a sensor's line may pick it up [1]."""
-
-FEWEST_STEPS, ALIKE, MOSTLY = 3, 0.3, 0.8
-"""Steps that tell it, one less where it goes up and down; of so many [1] the jump over the step of
-the law agrees to this share [1]."""
-
-MOST_LOADED = 0.99
-"""Quantile of the current that counts as the largest [1]."""
-
-
 def sensor_pickup(record: Record, motor: Motor) -> Iterator[Finding]:
     """Warn of a winding's reading that jumps with the current, up and down.
 
     Below what `jumps_at_once` allows it is the fit's to see.
     """
-    time_s, winding, current = samples(record, "winding_degC", "phase_current_A")
-    if time_s.size < 10:
+    found = pickup(record, MAX_RATE_K_PER_S)
+    if found is None:
         return
-    largest_A = float(np.quantile(np.abs(current), MOST_LOADED))  # no inrush
-    if not 0.0 < largest_A < np.inf:
-        return
-    ratio = np.abs(current) / largest_A
-    change = np.abs(np.diff(ratio))
-    at = np.arange(2, time_s.size - 4)
-    is_still = np.maximum(change[at - 1], change[at + 1]) < STILL_BY
-    at = at[(change[at] > STEPS_BY) & is_still]
-    if at.size < FEWEST_STEPS - 1:
-        return
-    at_least, moved = leaps_K(time_s, winding, at)
-    least_K = MAX_RATE_K_PER_S * median_step(time_s) + _slack_K(winding)
-    tried = []
-    for exponent in LAWS:
-        of_law = np.where(ratio > STILL_BY, ratio**exponent, 0.0)
-        steps = of_law[at + 1] - of_law[at]
-        told = np.abs(steps) > STEPS_BY
-        if not told.any() or abs(np.median(at_least[told] / steps[told])) <= least_K:
-            continue
-        jumps_K = moved[told] / steps[told]
-        middle_K = float(np.median(jumps_K))
-        is_alike = np.abs(jumps_K - middle_K) < ALIKE * abs(middle_K)
-        num_ways = np.unique(np.sign(steps[told][is_alike])).size
-        is_enough = np.sum(is_alike) + num_ways > FEWEST_STEPS
-        if is_enough and np.sum(is_alike) >= MOSTLY * told.sum():
-            scatter = float(np.median(np.abs(jumps_K - middle_K))) / abs(middle_K)
-            tried.append((scatter, exponent, middle_K, int(np.sum(is_alike))))
-    if not tried:
-        return
-    _, exponent, rated_K, num_steps = min(tried)
     yield Finding(
         "sensor_pickup",
         "warning",
-        f"The reading jumps with the current at {num_steps} load steps, by {rated_K:+.1f} K at "
-        f"{largest_A:.3g} A, and back: its line picks up the current.",
-        place(record, "winding_degC", *map(float, time_s[[int(at[0]), int(at[0]) + 2]])),
+        f"The reading jumps with the current at {found.num_steps} load steps, by "
+        f"{found.rated_K:+.1f} K at {found.largest_A:.3g} A, and back: its line picks up the "
+        "current.",
+        place(record, "winding_degC", *found.span_s),
         "Shield the sensor's line, twist it, keep it off the phases. A fit takes it out as the "
         "effect sensor_pickup.",
-        values={"rated_K": rated_K, "exponent": exponent, "largest_A": largest_A},
-    )
-
-
-def without_pickup(record: Record, finding: Finding) -> Record:
-    """Return a record without what its winding's sensor picks up."""
-    ratio = np.abs(record["phase_current_A"]) / (finding.values["largest_A"] or 1.0)
-    law = np.where(ratio > STILL_BY, ratio ** (finding.values["exponent"] or 0.0), 0.0)
-    winding = record["winding_degC"] - (finding.values["rated_K"] or 0.0) * law
-    return replace(record, channels={**record.channels, "winding_degC": winding})
+        values={"rated_K": found.rated_K, "exponent": found.exponent,
+                "largest_A": found.largest_A},
+    )  # fmt: skip
 
 
 def _left_out(record: Record, channel: str, *spans: tuple[float, float]) -> tuple[Part, ...]:

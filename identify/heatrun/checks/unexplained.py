@@ -20,6 +20,7 @@ from ..record.motor import Motor
 from ..record.record import Record
 from ..record.samples import (
     is_loaded,
+    leaps_K,
     median_step,
     rounding_step,
     samples,
@@ -242,26 +243,6 @@ class _Course:
         """The cell behind which a window moves most."""
         span = slice(begin, begin + width + 1)
         return int(begin + np.argmax(np.abs(np.diff(self.reading[span] - by_heat[span]))))
-
-
-def leaps_K(
-    time_s: np.ndarray, reading: np.ndarray, at: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return how far readings move within two samples beyond the slopes before and after, and
-    beyond the mean of both [K].
-
-    A load that steps between them changes the slope of a temperature, which then moves by something
-    between the two, about their mean; a sensor that shifts moves at once.
-
-    Args:
-        time_s: Times of the samples [s].
-        reading: Readings [degC].
-        at: The sample before each step; two come before it and four after it.
-    """
-    before, moved, after = (reading[at + 2 * n] - reading[at + 2 * n - 2] for n in range(3))
-    lasts_s = [time_s[at + 2 * n] - time_s[at + 2 * n - 2] for n in range(3)]
-    by_slope = lasts_s[1] * np.sort([before / lasts_s[0], after / lasts_s[2]], axis=0)
-    return moved - np.clip(moved, *by_slope), moved - np.mean(by_slope, axis=0)
 
 
 def _swing(by_heat: np.ndarray, begin: np.ndarray, width: int) -> np.ndarray:

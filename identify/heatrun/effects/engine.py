@@ -496,6 +496,8 @@ def library(
         missing = dict.fromkeys(channel for test in tests for channel in lacking(kind, test))
         if missing:
             unavailable[kind.card.id] = f"needs the channel {', '.join(missing)} in every test"
+        elif kind.card.is_at_once and not any(test.jumps_with_load for test in tests):
+            unavailable[kind.card.id] = "the samples do not jump as the load steps"
         elif not kind.fits(network):
             unavailable[kind.card.id] = "splits a network of one node, and this one has more"
         elif not applies(kind, network):

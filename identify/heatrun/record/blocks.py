@@ -105,6 +105,7 @@ class Blocks:
     # What the largest of those steps do to the means of the winding [K], as columns whose outer
     # product is its covariance, shape (block, column); None for none.
     load_columns: Float[np.ndarray, "block column"] | None = None
+    jumps_with_load: bool = False  # Whether the winding's samples jump as the current steps.
     notes: tuple[str, ...] = ()  # Sentences on what was interpolated or held.
     # Errors of its balance of powers that the inputs tell by themselves.
     told: tuple[Told, ...] = ()

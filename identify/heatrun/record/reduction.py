@@ -14,7 +14,7 @@ from .channels import BODIES
 from .derive import recorded_shaft_power
 from .motor import Motor, Scales
 from .record import Record
-from .samples import BLOCK_S, integral, needed_channels, require, rounding_step
+from .samples import BLOCK_S, integral, needed_channels, pickup, require, rounding_step
 
 STEP_S = 2.0
 """Length of a step [s]: on a winding of 90 s a jump of load inside a step then costs a few
@@ -97,6 +97,7 @@ def reduce(
         first_s=float(time[0]),
         has_current="phase_current_A" in record,
         sensor_sd=sensor_sd(record, motor),
+        jumps_with_load=pickup(record) is not None,
         notes=notes,
         told=own_errors(record, motor),
     )

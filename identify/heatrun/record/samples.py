@@ -9,6 +9,7 @@ The step that a channel was rounded to is read off its samples too.
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -252,3 +253,118 @@ def _refined(changes: np.ndarray, step: float) -> float:
 def _share_on_grid(changes: np.ndarray, step: float) -> float:
     multiples = changes / step
     return float(np.mean(np.abs(multiples - np.round(multiples)) < MULTIPLE_TOLERANCE))
+
+
+NOISE_SIGMAS = 6.0
+"""Gaussian noise exceeds six standard deviations once in 5e8 samples."""
+
+
+def slack_K(values: np.ndarray) -> float:
+    """Return what rounding and noise may move a reading from sample to sample [K]."""
+    changes = np.diff(values)
+    noise = 1.4826 * float(np.median(np.abs(changes - np.median(changes))))
+    return 2.0 * (rounding_step(values) or 0.0) + NOISE_SIGMAS * noise
+
+
+def leaps_K(
+    time_s: np.ndarray, reading: np.ndarray, at: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return how far readings move within two samples beyond the slopes before and after, and
+    beyond the mean of both [K].
+
+    A load that steps between them changes the slope of a temperature, which then moves by something
+    between the two, about their mean; a sensor that shifts moves at once.
+
+    Args:
+        time_s: Times of the samples [s].
+        reading: Readings [degC].
+        at: The sample before each step; two come before it and four after it.
+    """
+    before, moved, after = (reading[at + 2 * n] - reading[at + 2 * n - 2] for n in range(3))
+    lasts_s = [time_s[at + 2 * n] - time_s[at + 2 * n - 2] for n in range(3)]
+    by_slope = lasts_s[1] * np.sort([before / lasts_s[0], after / lasts_s[2]], axis=0)
+    return moved - np.clip(moved, *by_slope), moved - np.mean(by_slope, axis=0)
+
+
+STEPS_BY, STILL_BY = 0.2, 0.05
+"""Of the largest current [1]: a step is more than the one, and what lies beside it less than the
+other."""
+
+LAWS = (0.0, 1.0, 2.0)
+"""Exponents of the current by which a sensor's line may pick it up [1]."""
+
+FEWEST_STEPS, ALIKE, MOSTLY = 3, 0.3, 0.8
+"""Steps that tell it, one less where it goes up and down; of so many [1] the jump over the step of
+the law agrees to this share [1]."""
+
+MOST_LOADED = 0.99
+"""Quantile of the current that counts as the largest [1]."""
+
+
+class Pickup(NamedTuple):
+    """What the line of the winding's sensor adds to its reading with the current."""
+
+    rated_K: float  # At the largest current [K].
+    exponent: float  # Of the current [1].
+    largest_A: float  # The largest current, without an inrush [A].
+    num_steps: int  # Load steps at which the reading jumps with it.
+    span_s: tuple[float, float]  # Times about the first load step [s].
+
+
+def pickup(record: Record, most_K_per_s: float = 0.0) -> Pickup | None:
+    """Return what a reading picks up of the current; None where its samples show nothing.
+
+    A body, however fast, moves after the load; this jumps with it. Means over blocks do not tell
+    the two, samples do.
+
+    Args:
+        record: Any record.
+        most_K_per_s: How fast a temperature may move by itself.
+    """
+    time_s, winding, current = samples(record, "winding_degC", "phase_current_A")
+    if time_s.size < 10:
+        return None
+    largest_A = float(np.quantile(np.abs(current), MOST_LOADED))
+    if not 0.0 < largest_A < np.inf:
+        return None
+    ratio = np.abs(current) / largest_A
+    change = np.abs(np.diff(ratio))
+    at = np.arange(2, time_s.size - 4)
+    is_still = np.maximum(change[at - 1], change[at + 1]) < STILL_BY
+    at = at[(change[at] > STEPS_BY) & is_still]
+    if at.size < FEWEST_STEPS - 1:
+        return None
+    at_least, moved = leaps_K(time_s, winding, at)
+    least_K = most_K_per_s * median_step(time_s) + slack_K(winding)
+    tried = []
+    for exponent in LAWS:
+        of_law = _picked_up(ratio, exponent)
+        steps = of_law[at + 1] - of_law[at]
+        told = np.abs(steps) > STEPS_BY
+        if not told.any() or abs(np.median(at_least[told] / steps[told])) <= least_K:
+            continue
+        jumps_K = moved[told] / steps[told]
+        middle_K = float(np.median(jumps_K))
+        is_alike = np.abs(jumps_K - middle_K) < ALIKE * abs(middle_K)
+        num_ways = np.unique(np.sign(steps[told][is_alike])).size
+        is_enough = np.sum(is_alike) + num_ways > FEWEST_STEPS
+        if is_enough and np.sum(is_alike) >= MOSTLY * told.sum():
+            scatter = float(np.median(np.abs(jumps_K - middle_K))) / abs(middle_K)
+            tried.append((scatter, exponent, middle_K, int(np.sum(is_alike))))
+    if not tried:
+        return None
+    _, exponent, rated_K, num_steps = min(tried)
+    first, last = map(float, time_s[[at[0], at[0] + 2]])
+    return Pickup(rated_K, exponent, largest_A, num_steps, (first, last))
+
+
+def without_pickup(record: Record, finding: Finding) -> Record:
+    """Return a record without what its winding's sensor picks up, as a finding has it."""
+    ratio = np.abs(record["phase_current_A"]) / (finding.values["largest_A"] or 1.0)
+    law = _picked_up(ratio, finding.values["exponent"] or 0.0)
+    winding = record["winding_degC"] - (finding.values["rated_K"] or 0.0) * law
+    return replace(record, channels={**record.channels, "winding_degC": winding})
+
+
+def _picked_up(ratio: np.ndarray, exponent: float) -> np.ndarray:
+    return np.where(ratio > STILL_BY, ratio**exponent, 0.0)

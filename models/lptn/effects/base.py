@@ -48,6 +48,9 @@ class EffectCard(NamedTuple):
     signature: str  # What the bench shows when the effect is missing.
     separating_test: str  # The test that would tell it from its twins.
     parameters: Mapping[str, Quantity]  # Its parameters by name.
+    # Whether it shows from one sample to the next, where means over seconds take a fast body for
+    # it.
+    is_at_once: bool = False
 
 
 class AbstractEffect(eqx.Module):

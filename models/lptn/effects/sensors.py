@@ -137,6 +137,7 @@ class SensorPickup(SensorEffect):
             "p": Quantity("K", 0.0, -10.0, 10.0, 2.0, "what the current adds, rated"),
             "n": Quantity("1", None, 0.05, 2.0, 1.0, "exponent of the current"),
         },
+        is_at_once=True,
     )
 
     def observe(
