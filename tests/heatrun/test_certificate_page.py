@@ -198,20 +198,29 @@ def test_a_network_that_does_not_follow_its_test_is_not_to_be_used(result):
     )
 
 
+LACK = Finding("missing_effect", "warning", "the second-order network is incomplete")
+
+
 def test_a_network_that_lacks_something_is_restricted(result):
-    lack = Finding("missing_effect", "warning", "the second-order network is incomplete")
-    said = headline(replace(result, findings=(lack,)))
+    said = headline(replace(result, findings=(LACK,)))
     assert said.use == "restricted"
     assert any("lacks something that the tests show" in reason for reason in said.reasons)
-    other = replace(lack, network="first")
+    other = replace(LACK, network="first")
     assert headline(replace(result, findings=(other,))).use == "usable"
+
+
+def test_which_of_several_effects_is_there_restricts_nothing_that_the_intervals_allow_for(result):
     which = Finding("effect_ambiguous", "warning", "housing or neighbour")
     said = headline(replace(result, findings=(which,)))
-    assert said.use == "restricted"
+    assert said.use == "usable"
     assert any("do not tell which of several effects" in reason for reason in said.reasons)
     assert not any("discover" in reason for reason in said.reasons)
-    said = headline(replace(result, findings=(which, lack)))
+    said = headline(replace(result, findings=(which, LACK)))
+    assert said.use == "restricted"
     assert any("lacks something that the tests show" in reason for reason in said.reasons)
+    assert any("do not tell which of several effects" in reason for reason in said.reasons)
+    said = headline(replace(judged(result, Req_w="weak"), findings=(which,)))
+    assert said.use == "restricted"
 
 
 def test_the_choice_of_the_network_is_told_as_a_chance(result):

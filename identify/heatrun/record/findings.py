@@ -44,7 +44,7 @@ IN_DOUBT: dict[Doubt, tuple[str, ...]] = {
                "losses_absurd", "losses_below_copper", "losses_of_shaft",
                "ambient_implausible"),
     "judgement": ("step_failed",),
-    "network": ("misfit", "missing_effect", "effects_left_out", "effect_ambiguous"),
+    "network": ("misfit", "missing_effect", "effects_left_out"),
     "intervals": ("sampling_not_converged",),
     "predictions": ("holdout_outside_band",),
 }  # fmt: skip

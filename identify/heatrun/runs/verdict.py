@@ -33,10 +33,11 @@ NOT_FOLLOWED = 0.05
 [1]; in a good fit it is some thousandths."""
 
 INCOMPLETE = with_doubt("network")
-"""Findings that the tests show more than the network has, or do not tell what it is."""
+"""Findings that the tests show more than the network has."""
 
 LEFT_OUT, AMBIGUOUS = "effects_left_out", "effect_ambiguous"
-"""Of them, the finding of a run with --plain, and that of effects that the tests do not part."""
+"""Of them, the finding of a run with --plain; and that of effects that the tests do not part. The
+intervals allow for each of these, so that it restricts nothing (`docs/trust.md`)."""
 
 TAKEN_UP = ("instrument_beyond_prior", "prior_conflict")
 """Findings that a parameter stands where nobody expects it."""
@@ -65,7 +66,8 @@ def headline(result: FitResult) -> UseVerdict:
     lost = [name for name, entry in free.items() if entry.identifiability == "not identifiable"]
     weak = [name for name, entry in free.items() if entry.identifiability == "weak"]
     reasons = (
-        *restrictions(result), *against_others(result), *_warnings(result), *_accuracy(model),
+        *restrictions(result), *_ambiguous(result), *against_others(result), *_warnings(result),
+        *_accuracy(model),
     )  # fmt: skip
     if model.result != "converged":
         return UseVerdict(
@@ -264,8 +266,18 @@ def _not_followed(result: FitResult, model: FittedModel) -> str:
 
 
 def _incomplete(result: FitResult) -> set[str]:
-    """Return the ids of the findings that the network is not complete, or perhaps another."""
+    """Return the ids of the findings that the network is not complete."""
     return {f.id for f in _warned(result) if f.id in INCOMPLETE}
+
+
+def _ambiguous(result: FitResult) -> list[str]:
+    """Return that the tests do not tell effects apart, in a sentence."""
+    if all(finding.id != AMBIGUOUS for finding in _warned(result)):
+        return []
+    return [
+        "The tests do not tell which of several effects the machine has: the intervals allow for "
+        "each."
+    ]
 
 
 def _unjudged(result: FitResult) -> bool:
@@ -287,11 +299,6 @@ def _doubts(result: FitResult, model: FittedModel) -> list[str]:
     if LEFT_OUT in incomplete:
         words.append(
             "The network lacks effects that the tests ask for: its intervals are wider for it."
-        )
-    elif incomplete == {AMBIGUOUS}:
-        words.append(
-            "The tests do not tell which of several effects the machine has: the intervals allow "
-            "for each."
         )
     elif incomplete:
         words.append(
