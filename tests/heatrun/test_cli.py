@@ -1,9 +1,11 @@
 """The commands as a user runs them: results, refusals, exit codes, nothing half-written."""
 
+import argparse
 import gzip
 import json
 import re
 import runpy
+import shlex
 import sys
 from pathlib import Path
 
@@ -12,7 +14,7 @@ import pandas as pd
 import pytest
 
 from heatrun import cli
-from heatrun.commands import all_commands
+from heatrun.commands import all_commands, calibrate
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
 
@@ -145,6 +147,21 @@ def test_wrong_use_is_exit_code_two():
     with pytest.raises(SystemExit) as stop:
         cli.main(["calibrate"])
     assert stop.value.code == 2
+
+
+def test_an_option_that_takes_several_adds_up_where_it_is_given_again():
+    parser = argparse.ArgumentParser()
+    calibrate.add_parser(parser.add_subparsers())
+    words = (
+        "calibrate m.toml a --holdout b --holdout c d --with radiation "
+        "--with sensor_lag,housing_node --model first --model mine.toml"
+    )
+    given = parser.parse_args(shlex.split(words))
+    assert given.holdout == [Path("b"), Path("c"), Path("d")]
+    assert given.effects_known == "radiation,sensor_lag,housing_node"
+    assert given.model == "first,mine.toml"
+    again = parser.parse_args(["calibrate", "m.toml", "a"])
+    assert (again.holdout, again.effects_known, again.model) == ([], "", "both")
 
 
 def test_the_main_job_from_file_to_sheet(finished_day, truth):

@@ -30,6 +30,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     words.add(parser, "--holdout")
     parser.add_argument(
         "--model",
+        action=words.Joined,
         default="both",
         metavar="first|second|both|cooled|three|four|FILE.toml",
         help="network: one or both of the thesis, one with a coolant beside the air or with more "

@@ -28,6 +28,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
     words.add(parser, "--holdout")
     parser.add_argument(
         "--model",
+        action=words.Joined,
         default="both",
         metavar="both|FILE.toml|A,B",
         help="the two networks; a single one is compared with the second order (default: both, "

@@ -33,12 +33,28 @@ def seed(text: str) -> int:
     )
 
 
+class Joined(argparse.Action):
+    """Names with commas between; given again, an option adds to them."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        """Add the names, behind those of the same option before."""
+        before = getattr(namespace, self.dest)
+        is_first = before in (None, self.default)
+        setattr(namespace, self.dest, values if is_first else f"{before},{values}")
+
+
 OPTIONS: dict[str, tuple[str, dict[str, Any]]] = {
     "--holdout": ("tests that are predicted, not fitted",
-        {"nargs": "+", "type": Path, "default": [], "metavar": "TEST"}),
+        {"action": "extend", "nargs": "+", "type": Path, "default": [], "metavar": "TEST"}),
     "--with": ("known effects in the model beside those of the motor file's [model], such as "
         "speed_cooling,sensor_lag",
-        {"dest": "effects_known", "default": "", "metavar": "EFFECT,…"}),
+        {"action": Joined, "dest": "effects_known", "default": "", "metavar": "EFFECT,…"}),
     "--rating": ("largest current of a duty within the permitted rise, such as S2-30 (30 min), "
         "S3-40 (40 %% of 10 min), S6-40, S4-40:5x2 (starts of 5 times the current for 2 s), "
         "S5-40:5x2,3x1 and S7:5x2,3x1 (start, braking), S8:1x300@3000,0.7x300@1500 (phases with "
