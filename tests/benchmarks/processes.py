@@ -1,6 +1,5 @@
 """Whole processes: cold start and peak memory of each command, and of a record of 28 hours."""
 
-import json
 import subprocess
 import sys
 import tempfile
@@ -120,7 +119,7 @@ def import_alone() -> list[Row]:
 
 
 def large_record() -> list[Row]:
-    """Go from a file of a million samples to bands; return time and peak memory."""
+    """Calibrate a record of a million samples, both orders, to the sheet; time and peak memory."""
     made = record(LARGE)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -133,17 +132,10 @@ def large_record() -> list[Row]:
                 "Tw_m": made["measured"].round(1),
             }
         ).to_csv(folder / "long.csv", index=False, float_format="%.6g")
-        begin = time.perf_counter()
-        done = subprocess.run(
-            [sys.executable, str(Path(__file__).with_name("long_record.py")),
-             str(DATA / "motor.toml"), str(folder / "long.csv")],
-            check=True, capture_output=True, text=True,
-        )  # fmt: skip
-        taken = time.perf_counter() - begin
-    peaks = json.loads(done.stdout)
-    detail = "after " + ", ".join(f"{stage} {peak:.0f}" for stage, peak in peaks.items())
-    peak = max(peaks.values())
+        words = ["calibrate", str(DATA / "motor.toml"), str(folder / "long.csv"), "--quick"]
+        took = heatrun([*words, "--out", str(folder / "run")], folder / "cache")
     return [
-        Row(LONG, "peak memory, from the file to bands", peak, "MB", 700.0, detail),
-        Row(LONG, "time, from the file to bands, second order", taken, "s"),
-    ]
+        Row(LONG, "calibrate --quick, peak memory", took.peak_MB, "MB", 700.0, "to the sheet"),
+        Row(LONG, "calibrate --quick, empty", took.wall_s, "s", None,
+            f"{took.processor_s:.3g} processor s"),
+    ]  # fmt: skip

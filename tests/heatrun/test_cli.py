@@ -3,9 +3,11 @@
 import argparse
 import gzip
 import json
+import platform
 import re
 import runpy
 import shlex
+import subprocess
 import sys
 from pathlib import Path
 
@@ -219,3 +221,32 @@ def test_python_runs_the_package_as_a_command(capsys, monkeypatch):
         runpy.run_module("heatrun", run_name="__main__")
     assert left.value.code == 2
     assert "usage: heatrun" in capsys.readouterr().err
+
+
+ARRAYS = """
+import sys
+from pathlib import Path
+import numpy as np
+from heatrun.runtime import return_large_arrays
+
+def held_MB():
+    return int(Path("/proc/self/status").read_text().split("RssAnon:")[1].split()[0]) / 1024
+
+if len(sys.argv) > 1:
+    return_large_arrays()
+np.ones(4_000_000)  # freed: by default as much is kept from now on
+before = held_MB()
+rows = [np.ones(1_000_000 + more) for more in range(40)]
+between = [np.ones(2000) for _ in range(40)]
+del rows
+print(held_MB() - before)
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="of glibc")
+def test_the_memory_of_large_arrays_goes_back():
+    kept, back = (
+        float(subprocess.check_output([sys.executable, "-c", ARRAYS, *words], text=True))
+        for words in ([], ["back"])
+    )
+    assert back < 10.0 < 100.0 < kept

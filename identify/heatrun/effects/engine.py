@@ -31,6 +31,7 @@ from ..fit.restricted import MANY
 from ..io.programs import compiled
 from ..model import noise as noise_module
 from ..model.catalogue import lacking, unplaced
+from ..model.draws import is_long
 from ..model.kernels import at_once
 from ..model.model import Model
 from ..model.model_parameters import machine_size
@@ -42,9 +43,9 @@ from ..record.blocks import Blocks
 from ..record.motor import Motor
 from ..record.observation import Observation
 
-LANES = 32
+LANES, OF_LONG = 32, 8
 """Directions of one call: parameters of the network, of a few tests, and of several effects. One
-call of 32 takes 7 ms where two of 24 take 12 (a test of 2560 steps)."""
+call of 32 takes 7 ms where two of 24 take 12 (a test of 2560 steps). And those of a long test."""
 
 FEW = 8
 """Columns that are whitened together are filled up to this many, or to a multiple of `MANY`."""
@@ -103,6 +104,7 @@ class Engine:
         self._padded = [test.observation().padded().simulated() for test in problem.tests]
         self._is_observed = problem.is_observed
         self.kinds = {kind.card.id: kind for kind in problem.model.effects}
+        self._lanes = OF_LONG if any(map(is_long, self._padded)) else LANES
         self._size = machine_size(problem.model, problem.motor, problem.tests)
         self._nulls = [self._null(slot.parameter) for slot in self.slots]
 
@@ -189,15 +191,15 @@ class Engine:
             for index in range(len(self.tests))
         ]
         jobs = [
-            (index, mine[first : first + LANES])
+            (index, mine[first : first + self._lanes])
             for index, mine in enumerate(own)
-            for first in range(0, max(len(mine), 1), LANES)
+            for first in range(0, max(len(mine), 1), self._lanes)
         ]
 
         def some(job: tuple[int, list[int]]) -> tuple[np.ndarray, np.ndarray]:
             index, chunk = job
             values, gains = known[index]
-            directions = {name: np.zeros(LANES) for name in values}
+            directions = {name: np.zeros(self._lanes) for name in values}
             for lane, column in enumerate(chunk):
                 slot = self.slots[columns[column]]
                 directions[slot.parameter.name][lane] = gains[columns[column]]
@@ -235,18 +237,18 @@ class Engine:
             test, known = self.tests[index], [self.values(z, index) for z, _ in places]
 
             def some(first: int, padded=padded, known=known) -> np.ndarray:
-                chunk = lanes[first : first + LANES]
-                chunk += [(chunk[0][0], None)] * (LANES - len(chunk))
+                chunk = lanes[first : first + self._lanes]
+                chunk += [(chunk[0][0], None)] * (self._lanes - len(chunk))
                 values = {name: np.array([known[p][0][name] for p, _ in chunk])
                           for name in known[0][0]}  # fmt: skip
-                directions = {name: np.zeros(LANES) for name in values}
+                directions = {name: np.zeros(self._lanes) for name in values}
                 for lane, (place, column) in enumerate(chunk):
                     if column is not None and column in known[place][1]:
                         name = self.slots[column].parameter.name
                         directions[name][lane] = known[place][1][column]
                 return np.asarray(_courses(self.problem.model, values, directions, padded))
 
-            rows = np.concatenate(at_once(some, range(0, len(lanes), LANES)), axis=1)
+            rows = np.concatenate(at_once(some, range(0, len(lanes), self._lanes)), axis=1)
             own = test.own(np.moveaxis(rows, -1, 0))
             for place in range(len(places)):
                 mine = [lane for lane, (p, _) in enumerate(lanes) if p == place]

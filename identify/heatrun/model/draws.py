@@ -267,9 +267,13 @@ def courses(
     whole = {name: np.pad(draws, (0, -num % AT_A_TIME), mode="edge")
              for name, draws in values.items()}  # fmt: skip
     padded = test.observation().padded(is_seldom=True).simulated()
-    found = jax.tree.map(lambda rows: np.asarray(rows)[:num], _courses(model, whole, padded))
-    of_each = jax.tree.map(lambda rows: test.winding.own(rows, axis=1), found._replace(reading=()))
-    return of_each._replace(reading=test.own(found.reading, axis=1))
+    found = _courses(model, whole, padded)
+    reading = test.own(np.asarray(found.reading)[:num], axis=1)
+    leaves, tree = jax.tree.flatten(found._replace(reading=()))
+    del found
+    for place, rows in enumerate(leaves):  # one by one: of a long test each takes some megabytes
+        leaves[place] = test.winding.own(np.asarray(rows)[:num], axis=1)
+    return jax.tree.unflatten(tree, leaves)._replace(reading=reading)
 
 
 @compiled("model")

@@ -35,6 +35,7 @@ from scipy.special import logsumexp
 from ..fit.fit_result import Fit
 from ..fit.restricted import inner_products
 from ..io.programs import compiled
+from ..model.draws import is_long
 from ..model.kernels import Kernels, at_once, in_batches, log_student, student
 from ..model.noise import LARGEST_SCORES
 from ..model.problem import NUM_NOISE, Data, Structure, linearise, residuals
@@ -52,8 +53,8 @@ CLOSE = 1e-2
 """How far the s that was found may be from the one that was drawn [standard deviations]; the
 density is that of the one that was found."""
 
-AT_A_TIME = 16
-"""Draws that a thread takes at a time."""
+AT_A_TIME, OF_LONG = 16, 4
+"""Draws that a thread takes at a time, and those of a long test."""
 
 
 KEPT = 0.5
@@ -326,15 +327,23 @@ class Rto:
         problem = self.fit.problem
         rows = np.concatenate([z, noise_z], axis=1)
         value = in_batches(
-            partial(_statistics, problem.structure, problem.data, self.jacobian), rows, AT_A_TIME
+            partial(_statistics, problem.structure, problem.data, self.jacobian),
+            rows,
+            self._at_a_time,
         )
         return _solve(factor, value - wanted)
+
+    @property
+    def _at_a_time(self) -> int:
+        return OF_LONG if any(map(is_long, self.fit.problem.readings)) else AT_A_TIME
 
     def _linear(self, noise_z: Float[np.ndarray, "draw noise"]) -> _Linear:
         """Return what the linear model says of noises."""
         tests = self.fit.problem.readings
         products, log_sd = in_batches(
-            partial(_many_products, tests, self.residual, self.jacobian), noise_z, AT_A_TIME
+            partial(_many_products, tests, self.residual, self.jacobian),
+            noise_z,
+            self._at_a_time,
         )
         size = self.centre.size
         value = products[:, 1:, 0] + self.centre
