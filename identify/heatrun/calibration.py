@@ -36,6 +36,7 @@ from .record.record import Finding, Record
 from .record.reduction import reduce, with_scales
 from .results.model import DescribedTest, FitResult, FittedModel
 from .results.values import Role
+from .runs.figures_of_draws import DrawValues
 from .runs.result import assemble, describe_model, describe_test, with_network_rise
 from .runs.run_folder import RunFolder, environment
 from .work import SILENT, USUAL_MCMC_S, Work
@@ -249,7 +250,8 @@ def calibrate(
             or unpredicted(posterior, test.blocks)
             for test in tests
         ]
-        undecided = {} if asked is None or is_plain else asked.undecided(seed=seed)
+        over = None if asked is None or is_plain else asked.undecided(seed=seed)
+        undecided = None if over is None else DrawValues(*over, ())
         if settings.duties:
             work.done((name, "predict"), f"{model.title}: ratings")
         described = describe_model(

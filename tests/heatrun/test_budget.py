@@ -24,7 +24,14 @@ from heatrun.reports.dcc import dcc_text
 from heatrun.reports.printed import format_value
 from heatrun.results import FitResult
 from heatrun.results.values import Part, budget, combined, from_json
-from heatrun.runs.figures_of_draws import HEAT, NOISE, SMALL_EFFECTS, UNDECIDED, budget_of
+from heatrun.runs.figures_of_draws import (
+    HEAT,
+    NOISE,
+    SMALL_EFFECTS,
+    UNDECIDED,
+    DrawValues,
+    budget_of,
+)
 from heatrun.runs.ratings_figures import derive
 from heatrun.runs.result import describe_model
 from lptn.effects import EFFECTS
@@ -188,11 +195,31 @@ def test_a_widened_parameter_says_what_by(posterior, described):
     entry = described.parameters["Req_w"]
     assert not [row for row in entry.budget if row.source == UNDECIDED]
     low, high = entry.interval_95
-    wider = {"Req_w": (low - 4.0 * entry.sd, high + 4.0 * entry.sd)}
+    apart = np.linspace(low - 4.0 * entry.sd, high + 4.0 * entry.sd, 100)
+    wider = DrawValues(posterior.fit.problem.model, {"Req_w": apart}, ())
     wide = describe_model(posterior, [], [], undecided=wider).parameters["Req_w"]
     row = row_of(wide.budget, UNDECIDED)
     assert row.contribution == pytest.approx(np.sqrt(wide.sd**2 - entry.sd**2))
     assert combined(wide.budget) == pytest.approx(wide.sd, rel=0.06)
+
+
+def test_a_resistance_under_load_holds_what_it_is_in_networks_not_told_apart(blocks, motor):
+    effect = next(kind for kind in EFFECTS if kind.card.id == "radiation")
+    known = replace(motor, parameters={"radiation.eA": ParameterOverride(value=0.1, sd=0.01)})
+    problem = Problem.of(Model.of("second", known, (effect,)), known, [blocks])
+    found = normal_draws(fit(problem, num_starts=4))
+    alone = {name: each.ravel() for name, each in found.values().items()}
+    rivals = DrawValues(problem.model, alone | {"Req_sr": 1.3 * alone["Req_sr"]}, ())
+    one, both = (
+        describe_model(found, [], [], undecided=each).derived["Req_sr_loaded"]
+        for each in (None, rivals)
+    )
+    assert (one.identifiability, both.identifiability) == ("identified", "weak")
+    assert both.value == one.value
+    assert both.ends[0] == one.ends[0]
+    assert both.ends[1] > 1.1 * one.ends[1]
+    row = row_of(both.budget, UNDECIDED)
+    assert row.contribution == pytest.approx(np.sqrt(both.sd**2 - one.sd**2))
 
 
 def test_a_budget_of_nothing_is_empty():

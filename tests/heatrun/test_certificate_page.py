@@ -24,7 +24,7 @@ from heatrun.reports.printed import printed
 from heatrun.reports.printed import test_days as days_of
 from heatrun.reports.xlsx import write_xlsx
 from heatrun.results import FitResult, from_json, to_json
-from heatrun.results.model import DerivedFigure, FittedParameter
+from heatrun.results.model import AT_REST, LOADED, DerivedFigure, FittedParameter
 from heatrun.runs.verdict import headline
 
 STORED = Path(__file__).parents[1] / "stored" / "fit-1.json"
@@ -165,6 +165,34 @@ def test_what_is_not_identifiable_is_not_to_be_used(result):
     rough = headline(judged(result, Req_w="weak"))
     assert rough.use == "restricted"
     assert "known only roughly (Req_w ± 2.2 %)" in rough.sentence
+
+
+def test_a_resistance_that_effects_change_is_judged_as_it_is_printed(result):
+    """The parameter of a law may be open where the resistance under load is not, and otherwise."""
+    held = result.models["second"]
+    law = judged(result, Req_sr="weak")
+
+    def stated(loaded, at_rest):
+        figures = {
+            f"Req_sr{ending}": DerivedFigure(
+                value=0.12,
+                unit="K/W",
+                sd=sd,
+                interval_95=(0.12 - 2.0 * sd, 0.12 + 2.0 * sd),
+                condition="1400 rpm",
+                identifiability=grade,
+            )
+            for ending, sd, grade in ((LOADED, *loaded), (AT_REST, *at_rest))
+        }
+        return with_second(law, derived={**held.derived, **figures})
+
+    known = stated((0.003, "identified"), (0.004, "identified"))
+    assert headline(known).use == "usable"
+    rough = stated((0.003, "identified"), (0.009, "weak"))
+    assert "known only roughly (Req_sr ± 15 %)" in headline(rough).sentence
+    rows = {row[0]: row[3] for row in certificate_content(rough, Certificate())["parameters"]}
+    assert rows["Req_sr under load"] == "identified"
+    assert rows["Req_sr at rest"] == "known roughly"
 
 
 def test_a_fit_or_a_prediction_that_fails_is_said(result):

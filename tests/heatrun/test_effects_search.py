@@ -282,16 +282,21 @@ def test_what_tests_do_not_tell_apart_widens_the_intervals(searched):
     lag = next(each for each in core.effects if each.id == "sensor_lag")
     other = next(each for each in searched.library.candidates if each.id == "time_shift")
     rival = searched.search.fit(core.effects - {lag} | {other}, core.z, core.noise_z)
-    assert searched.undecided() == {}
+    assert searched.undecided() is None
     tied = replace(searched, around={core.effects: 0.5, rival.effects: 0.5})
     assert [each.id for each in tied.tied(lag)] == ["time_shift"]
-    both = tied.undecided()
+    model, values = tied.undecided()
     engine = searched.search.engine
-    for name, (low, high) in both.items():
-        slot = engine.find(name)
+    for name in ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr"):
+        slot, (low, high) = engine.find(name), np.quantile(values[name], [0.025, 0.975])
         for member in (core, rival):
             value = float(engine.slots[slot].parameter.value(member.z[slot]))
             assert low < value < high, name
+    # each draw is a machine of one of the sets: no draw has both effects, each has one
+    assert {kind.card.id for kind in model.effects} >= {"sensor_lag", "time_shift"}
+    has_lag, has_shift = values["sensor_lag.tau"] > 0.0, values["time_shift.d"] != 0.0
+    assert np.array_equal(has_lag, ~has_shift)
+    assert 0.4 < np.mean(has_lag) < 0.6
     (finding, _) = asked_findings(tied, is_plain=False)
     assert finding.id == "effect_ambiguous"
     assert finding.values == {"sensor_lag": 0.5, "time_shift": 0.5}

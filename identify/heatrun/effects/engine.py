@@ -396,6 +396,26 @@ class Engine:
             values[parameter.name] = value
         return values, gains
 
+    def draws_in_general(self, z: Float[np.ndarray, "draw slot"]) -> dict[str, np.ndarray]:
+        """Return values by name of the machine in general, an event of a test absent.
+
+        Args:
+            z: Scores of all slots, those of absent effects NaN.
+        """
+        values = {
+            name: np.full(len(z), float(parameter.fixed))
+            for name, parameter in self.problem.parameters.by_test[0].items()
+            if parameter.fixed is not None
+        }
+        for place, slot in enumerate(self.slots):
+            if slot.test in (None, 0):
+                is_there = np.isfinite(z[:, place]) & (
+                    slot.test is None or slot.parameter.role not in BOUNDED
+                )
+                value = slot.parameter.value(np.nan_to_num(z[:, place]))
+                values[slot.parameter.name] = np.where(is_there, value, self._nulls[place])
+        return self.problem.model.in_general(values)
+
 
 @compiled("model")
 def _course(

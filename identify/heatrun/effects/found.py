@@ -126,33 +126,32 @@ class Found:
         fewer = self.search.fitted[self.core.effects - {effect}]
         return self.core.log_evidence - fewer.log_evidence
 
-    def undecided(self, *, seed: int = 0) -> dict[str, tuple[float, float]]:
-        """Return 95 % intervals of the network's parameters over the sets that tests do not tell
-        apart, by name [their units]; empty where they tell one.
+    def undecided(self, *, seed: int = 0) -> tuple[Model, dict[str, np.ndarray]] | None:
+        """Return the network with all effects, and draws of its parameters by name [their units],
+        over the sets that tests do not tell apart; None where they tell one.
 
         Args:
             seed: Of the draws.
         """
         if not any(self.tied(each) for each in self.core.effects):
-            return {}
+            return None
         rng = np.random.default_rng([seed, 31])
         engine = self.search.engine
-        slots = [i for i in self.core.free if engine.slots[i].parameter.role == "network"]
+        of_set = rng.multinomial(NUM_DRAWS, [*self.around.values()])
         rows = []
-        for effects, p in self.around.items():
+        for effects, num in zip(self.around, of_set, strict=True):
             member = self.search.fitted[effects]
+            free = list(member.free)
             columns = engine.whiten(from_scores(member.noise_z), member.jacobian)
-            covariance = np.linalg.inv(columns.T @ columns + np.eye(columns.shape[1]))
-            places = [member.free.index(slot) for slot in slots]
-            factor = np.linalg.cholesky(covariance[np.ix_(places, places)])
-            normal = rng.standard_normal((round(NUM_DRAWS * p), len(places)))
-            rows.append(member.z[slots] + normal @ factor.T)
-        low, high = np.quantile(np.concatenate(rows), [0.025, 0.975], axis=0)
-        parameters = [engine.slots[slot].parameter for slot in slots]
-        return {
-            each.name: (float(each.value(a)), float(each.value(b)))
-            for each, a, b in zip(parameters, low, high, strict=True)
-        }
+            factor = np.linalg.cholesky(
+                np.linalg.inv(columns.T @ columns + np.eye(columns.shape[1]))
+            )
+            drawn = member.z[free] + rng.standard_normal((num, len(free))) @ factor.T
+            rows.append(np.tile(member.z, (num, 1)))
+            low, high = engine.bounds(free)
+            at = member.z[free]
+            rows[-1][:, free] = np.clip(drawn, np.minimum(low, at), np.maximum(high, at))
+        return engine.problem.model, engine.draws_in_general(np.concatenate(rows))
 
     @property
     def familywise_p(self) -> float:

@@ -22,6 +22,9 @@ from .posterior import Posterior
 
 Verdict = Literal["identified", "weak", "not identifiable", "fixed"]
 
+GRADES: tuple[Verdict, ...] = ("fixed", "identified", "weak", "not identifiable")
+"""The verdicts, the best first."""
+
 IDENTIFIED = 0.05
 """Relative standard uncertainty up to which a parameter counts as identified [1]."""
 
@@ -88,6 +91,13 @@ def state(
         return Statement("not identifiable", f"{UNINFORMED}{hint}")
     verdict: Verdict = "weak" if relative_sd <= WEAK else "not identifiable"
     return Statement(verdict, f"{_blocking(posterior, parameter, relative_sd)}{hint}")
+
+
+def by_uncertainty(relative_sd: float) -> Verdict:
+    """Judge what the tests inform by its standard uncertainty over its value [1]."""
+    if relative_sd <= IDENTIFIED:
+        return "identified"
+    return "weak" if relative_sd <= WEAK else "not identifiable"
 
 
 def forecast(fit: Fit) -> dict[str, float]:

@@ -121,9 +121,9 @@ def joined(parts: Iterable[str]) -> str:
     return ", ".join(dict.fromkeys(part for part in parts if part))
 
 
-def judged(entry: FittedParameter, say: Texts = ENGLISH) -> str:
+def judged(entry: FittedParameter | DerivedFigure, say: Texts = ENGLISH) -> str:
     """Return how well a parameter is known, in words; empty where nothing is said of it."""
-    judgement = entry.identifiability or ""
+    judgement = known(entry.identifiability) or ""
     is_given = entry.unit == "ohm" and judgement == "not identifiable"
     if not judgement:
         return ""
@@ -195,7 +195,8 @@ def _row(line: ParameterLine, say: Texts) -> list[str]:
     if figure is not None and not math.isfinite(figure.median):
         return [clean(line.name), clean(line.meaning), say("not_stated"), ""]
     text = _of_figure(figure) if figure is not None else printed(entry).text if entry else ""
-    known_by = say("calculated") if entry is None else judged(entry, say)
+    graded = figure if figure is not None and known(figure.identifiability) else entry
+    known_by = say("calculated") if entry is None or graded is None else judged(graded, say)
     return [clean(line.name), clean(line.meaning), say.number(text), known_by]
 
 

@@ -18,6 +18,9 @@ LOADED, AT_REST = "_loaded", "_at_rest"
 NEEDED = ("value", "unit", "sd", "interval_95", "condition")
 
 
+Identifiability = Literal["identified", "weak", "not identifiable", "fixed"]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DerivedFigure:
     """A figure with its interval and the condition it holds under; or only why it is refused."""
@@ -33,6 +36,8 @@ class DerivedFigure:
     # Where its uncertainty comes from, of resistances at stated conditions, time constants, steady
     # rise, continuous currents and ratings; unset for others and in files of earlier versions.
     budget: tuple[BudgetRow, ...] | UnsetType = UNSET
+    # How well the tests determine a resistance at stated conditions; unset likewise.
+    identifiability: Identifiability | UnsetType = UNSET
 
     def __post_init__(self) -> None:
         is_there = [getattr(self, name) is not UNSET for name in NEEDED]
@@ -55,9 +60,6 @@ Derived = Annotated[
     DerivedFigure,
     Meta(extra_json_schema={"oneOf": [{"required": [*NEEDED]}, {"required": ["refused"]}]}),
 ]
-
-
-Identifiability = Literal["identified", "weak", "not identifiable", "fixed"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,6 +14,7 @@ add is the scatter of what they move (`heatrun.effects.small_effects`).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import NamedTuple
@@ -31,7 +32,7 @@ from ..model.model import Model
 from ..model.parameters import Parameter, Slot, amplitudes, effect_parameters, override, qualified
 from ..posterior.posterior import Posterior
 from ..results.model import DerivedFigure
-from ..results.values import BudgetRow, Part, budget, known
+from ..results.values import BudgetRow, Part, budget, known, number
 from .machine import Tested
 
 WIDEST = 2.0
@@ -203,7 +204,30 @@ def with_budget(
     """
     if budget is None or known(entry.refused) or not np.all(np.isfinite(draws)):
         return entry
-    return replace(entry, budget=budget(draws, picked=picked))
+    more = more_of(number(known(entry.sd)), draws)
+    return replace(entry, budget=budget(draws, *more, picked=picked))
+
+
+def more_of(sd: float, draws: np.ndarray) -> list[Part]:
+    """Return the part of an uncertainty that `over_sets` has added to that of the draws."""
+    wider = sd**2 - float(np.var(draws))
+    return [Part(UNDECIDED, "B", math.sqrt(wider))] if wider > 1e-9 * sd**2 else []
+
+
+def over_sets(
+    ends: tuple[float, float], sd: float, draws: Float[np.ndarray, " draw"]
+) -> tuple[tuple[float, float], float]:
+    """Return a 95 % interval that holds that of networks which the tests do not tell apart, and a
+    standard uncertainty that goes with it.
+
+    Args:
+        ends: The interval of the network that is stated.
+        sd: Its standard uncertainty.
+        draws: The figure in all these networks.
+    """
+    low, high = np.nanquantile(np.where(np.isfinite(draws), draws, np.nan), [0.025, 0.975])
+    both = min(ends[0], float(low)), max(ends[1], float(high))
+    return both, max(sd, 0.25 * (both[1] - both[0]))
 
 
 OF_ROLE = {

@@ -30,9 +30,10 @@ from ..io.programs import compiled
 from ..io.quantities import rounded
 from ..model.draws import PlausibleEffects
 from ..model.model import Model
+from ..posterior.identifiability import by_uncertainty
 from ..posterior.posterior import Posterior
 from ..results.model import AT_REST, LOADED, DerivedFigure
-from ..results.values import known
+from ..results.values import known, number
 from .duties import (
     Limit,
     Rated,
@@ -50,6 +51,7 @@ from .figures_of_draws import (
     alone,
     extrapolated,
     figure,
+    over_sets,
     refused,
     steady_rise,
     with_budget,
@@ -150,26 +152,37 @@ def at_conditions(
     seen: Tested,
     plausible: PlausibleEffects | None,
     budget: Budget | None = None,
+    undecided: DrawValues | None = None,
 ) -> dict[str, DerivedFigure]:
     """Return the resistances that effects change, at the mean load of the tests and at rest.
 
     At rest they stand for the same temperatures. What an effect that the network may miss would
-    change is in the interval, not in the value.
+    change is in the interval, not in the value; so is what they are in networks that the tests do
+    not tell from it.
 
     Args:
         draw_values: The network with all effects behind the draws.
         seen: The load.
         plausible: The effects that the network may miss; None for none.
         budget: Gives the budget of draws; None for none.
+        undecided: Networks that the tests do not tell apart; None where they tell one.
     """
     figures = {}
+    others = {} if undecided is None else resistances(undecided, seen)
     for name, at in resistances(draw_values, seen).items():
         own = np.asarray(draw_values.values[name])
         if AT_REST not in at and _prints_same(at[LOADED][0], own):
             continue
         for ending, (draws, words) in at.items():
+            other = others.get(name, {})  # at rest as under load, where no law has the speed
+            there = other.get(ending, other.get(LOADED))
             entry = figure(draws, "K/W", words, plausible)
-            figures[f"{name}{ending}"] = with_budget(entry, draws, budget)
+            if there is not None:
+                both, sd = over_sets(entry.ends, number(known(entry.sd)), there[0])
+                entry = replace(entry, interval_95=both, sd=sd)
+            grade = by_uncertainty(number(known(entry.sd)) / entry.median)
+            entry = replace(with_budget(entry, draws, budget), identifiability=grade)
+            figures[f"{name}{ending}"] = entry
     return figures
 
 
@@ -246,7 +259,10 @@ def _condition(
 
 
 def derive(
-    posterior: Posterior, duties: Sequence[str] = (), budget: Budget | None = None
+    posterior: Posterior,
+    duties: Sequence[str] = (),
+    budget: Budget | None = None,
+    undecided: DrawValues | None = None,
 ) -> dict[str, DerivedFigure]:
     """Return the derived figures by name, as they stand in `fit.json`.
 
@@ -254,6 +270,7 @@ def derive(
         posterior: Draws, of any network with any effects.
         duties: Ratings asked for, such as `"S2-30"` and `"time:150A:hot"`, as `parse_rating`.
         budget: From `budget_of`, of what stands on page 1 and of the ratings; None for none.
+        undecided: Networks that the tests do not tell apart; None where they tell one.
 
     Raises:
         UsageError: If a rating is none of these.
@@ -282,7 +299,7 @@ def derive(
     is_fed = bool(np.any(np.asarray(drawn.copper_slope)))
     figures = {}
     if base.model.effects:
-        figures = at_conditions(draw_values, seen, draws.plausible, budget)
+        figures = at_conditions(draw_values, seen, draws.plausible, budget, undecided)
     figures |= _time_constants(network, is_fed, times, seen.amperes, around())
     surroundings = around(likely=draw_values.likely)
     heated = (

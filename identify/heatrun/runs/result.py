@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, replace
 from functools import cache
-from types import MappingProxyType
 from typing import TypeVar
 
 import numpy as np
@@ -16,7 +15,7 @@ from ..fit.fit_result import Fit
 from ..model.noise import noise_parameters
 from ..model.parameters import Parameter, Slot, qualified
 from ..posterior.comparison import body_rows, compare, residual_row, verdict
-from ..posterior.identifiability import forecast, state
+from ..posterior.identifiability import GRADES, by_uncertainty, forecast, state
 from ..posterior.posterior import Posterior
 from ..posterior.predict import Prediction, score_difference
 from ..posterior.weighted import evaluate
@@ -45,19 +44,15 @@ from ..results.model import (
     TestedLoad,
     WindingAtEnd,
 )
-from ..results.values import Interval, Part, Role, known
+from ..results.values import Interval, Role, known
 from ..version import __version__
 from .equilibrium import SteadyRise, Stretch, equilibria
-from .figures_of_draws import UNDECIDED, Budget, budget_of
+from .figures_of_draws import Budget, DrawValues, budget_of, more_of, over_sets
 from .machine import steady_of_network, tested
 from .ratings_figures import derive
 from .replica import replica
 
 T = TypeVar("T")
-
-WIDER = 1.5
-"""An interval that becomes so many times wider over models that the tests do not tell apart is told
-as weak [1]."""
 
 IN_MAIN_TABLE = ("network", "resistance", "effect", "known")
 """Roles of the parameters that a user asks for; the others are nuisances."""
@@ -158,7 +153,7 @@ def describe_model(
     roles: Sequence[Role],
     duties: Sequence[str] = (),
     attempts: Attempts | None = None,
-    undecided: Mapping[str, Interval] = MappingProxyType({}),
+    undecided: DrawValues | None = None,
 ) -> FittedModel:
     """Return the entry of one network.
 
@@ -168,7 +163,7 @@ def describe_model(
         roles: Likewise.
         duties: As `heatrun.runs.ratings_figures.derive`.
         attempts: Told which part failed and is left out; None to let the error through.
-        undecided: 95 % intervals of parameters over models that the tests do not tell apart.
+        undecided: Networks that the tests do not tell apart; None where they tell one.
     """
     fit = posterior.fit
     model = fit.problem.model
@@ -182,7 +177,10 @@ def describe_model(
 
     budget = part("the uncertainty budget", lambda: budget_of(posterior), None)
     main, nuisances = _parameters(posterior, longer)
-    main = {name: _widened(entry, undecided.get(name)) for name, entry in main.items()}
+    others = {} if undecided is None else undecided.values
+    for slot in fit.slots:
+        if slot.parameter.role == "network":  # not of an effect, which is not in all of them
+            main[slot.name] = _widened(main[slot.name], others.get(slot.name))
     if budget is not None:
         main = part("the uncertainty budget", lambda: _with_budgets(main, posterior, budget), main)
     of_noise = noise_parameters(model.adequacy)
@@ -213,7 +211,7 @@ def describe_model(
         ),
         bodies=_bodies(predictions, roles),
         posterior=_quality(posterior),
-        derived=part("the ratings", lambda: derive(posterior, duties, budget), {}),
+        derived=part("the ratings", lambda: derive(posterior, duties, budget, undecided), {}),
         evidence=part("the evidence", lambda: _evidence(posterior), _no_evidence(fit)),
         maybe_missing=_maybe_missing(posterior),
         replica=part(
@@ -427,23 +425,24 @@ def _free(
     )
 
 
-def _widened(entry: FittedParameter, other: Interval | None) -> FittedParameter:
+def _widened(entry: FittedParameter, others: np.ndarray | None) -> FittedParameter:
     """Return a parameter whose interval holds that of models which the tests do not tell apart."""
-    if other is None or entry.fixed:
+    if others is None or entry.fixed:
         return entry
-    low, high = entry.interval_95
-    both = min(low, other[0]), max(high, other[1])
-    if both[1] - both[0] < WIDER * (high - low):
-        return entry
-    sd = max(entry.sd, 0.25 * (both[1] - both[0]))
+    both, sd = over_sets(entry.interval_95, entry.sd, others)
+    relative_sd = sd / abs(entry.value)
+    grade, why = entry.identifiability, entry.why
+    if GRADES.index(by_uncertainty(relative_sd)) > GRADES.index(known(grade) or "fixed"):
+        grade = by_uncertainty(relative_sd)
+        why = "it hangs on an effect that these tests do not tell from another."
     return replace(
         entry,
         interval_95=both,
         sd=sd,
         sd_type_b=float(np.sqrt(max(sd**2 - (entry.sd_type_a or 0.0) ** 2, 0.0))),
-        relative_sd=sd / abs(entry.value) if entry.value else None,
-        identifiability="weak" if entry.identifiability == "identified" else entry.identifiability,
-        why="it hangs on an effect that these tests do not tell from another.",
+        relative_sd=relative_sd,
+        identifiability=grade,
+        why=why,
     )
 
 
@@ -455,9 +454,8 @@ def _with_budgets(
     for name, values in posterior.values().items():
         if name in main:
             draws = values.ravel()
-            wider = max(main[name].sd ** 2 - float(np.std(draws)) ** 2, 0.0)
-            more = Part(UNDECIDED, "B", math.sqrt(wider))
-            found[name] = replace(main[name], budget=budget(draws, more))
+            more = more_of(main[name].sd, draws)
+            found[name] = replace(main[name], budget=budget(draws, *more))
     return found
 
 

@@ -9,8 +9,8 @@ from ..io.quantities import clean, enumerated, rounded
 from ..record.findings import FAILED, ORDER, with_doubt
 from ..record.record import Finding
 from ..results import FitResult
-from ..results.model import FittedModel, FittedParameter, UseVerdict
-from ..results.values import known
+from ..results.model import AT_REST, LOADED, FittedModel, FittedParameter, UseVerdict
+from ..results.values import known, number
 
 USES: dict[str, str] = {
     "Ceq": "warm-up and time to a limit",
@@ -155,7 +155,14 @@ def judged(result: FitResult) -> FitResult:
             else entry
             for name, entry in model.parameters.items()
         }
-        models = {**result.models, favoured(result): replace(model, parameters=entries)}
+        derived = {
+            name: replace(figure, identifiability="weak")
+            if known(figure.identifiability) == "identified"
+            else figure
+            for name, figure in model.derived.items()
+        }
+        changed = replace(model, parameters=entries, derived=derived)
+        models = {**result.models, favoured(result): changed}
         result = replace(result, models=models)
     return replace(result, use=headline(result))
 
@@ -194,8 +201,27 @@ def _taken_up(result: FitResult) -> str:
 
 
 def thermal(model: FittedModel) -> dict[str, FittedParameter]:
-    """Return the parameters of the network itself, without those of the winding and of effects."""
-    return {n: p for n, p in model.parameters.items() if p.unit != "ohm" and "." not in n}
+    """Return the parameters of the network itself, without those of the winding and of effects.
+
+    One that effects change is judged as it is printed: at stated conditions, the least known of
+    them.
+    """
+    own = {n: p for n, p in model.parameters.items() if p.unit != "ohm" and "." not in n}
+    return {name: _as_stated(model, name, entry) for name, entry in own.items()}
+
+
+def _as_stated(model: FittedModel, name: str, entry: FittedParameter) -> FittedParameter:
+    figures = [model.derived.get(f"{name}{ending}") for ending in (LOADED, AT_REST)]
+    stated = [each for each in figures if each is not None and known(each.identifiability)]
+    if not stated:
+        return entry
+    worst = max(stated, key=lambda each: number(known(each.sd)) / each.median)
+    return replace(
+        entry,
+        value=worst.median,
+        sd=number(known(worst.sd)),
+        identifiability=worst.identifiability,
+    )
 
 
 def _uses(names: Sequence[str]) -> str:
