@@ -210,16 +210,22 @@ def test_a_resistance_under_load_holds_what_it_is_in_networks_not_told_apart(blo
     found = normal_draws(fit(problem, num_starts=4))
     alone = {name: each.ravel() for name, each in found.values().items()}
     rivals = DrawValues(problem.model, alone | {"Req_sr": 1.3 * alone["Req_sr"]}, ())
-    one, both = (
-        describe_model(found, [], [], undecided=each).derived["Req_sr_loaded"]
-        for each in (None, rivals)
+    told, not_told = (
+        describe_model(found, [], [], undecided=each).derived for each in (None, rivals)
     )
+    one, both = (each["Req_sr_loaded"] for each in (told, not_told))
     assert (one.identifiability, both.identifiability) == ("identified", "weak")
     assert both.value == one.value
     assert both.ends[0] == one.ends[0]
     assert both.ends[1] > 1.1 * one.ends[1]
     row = row_of(both.budget, UNDECIDED)
     assert row.contribution == pytest.approx(np.sqrt(both.sd**2 - one.sd**2))
+    # what follows holds it too
+    for name, side in (("steady_rise_K", 1), ("continuous_current_A", 0)):
+        moved = not_told[name].ends[side] - told[name].ends[side]
+        assert abs(moved) > 2.0 * told[name].sd, name
+        assert not_told[name].ends[1 - side] == told[name].ends[1 - side], name
+        assert combined(not_told[name].budget) == pytest.approx(not_told[name].sd, rel=0.1)
 
 
 def test_a_budget_of_nothing_is_empty():

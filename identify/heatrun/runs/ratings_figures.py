@@ -310,8 +310,17 @@ def derive(
     figures |= at_limit(drawn, seen, limit, heated)
     if rise is not None:
         figures |= within_rise(drawn, seen, rise, at, heated)
+    permitted_K = 0.0 if rise is None else known(rise.rise_K) or 0.0
+    if undecided is not None:
+        of_sets = machines(undecided.model, undecided.values, *at_load)
+        figures = _over_sets(figures, _rises_and_currents(of_sets, permitted_K))
     if budget is not None:
-        figures = _with_budgets(figures, drawn, times, budget)
+        behind = _rises_and_currents(drawn, permitted_K)
+        behind |= dict(zip(names_of_times(times.shape[-1]), times.T, strict=True))
+        figures = {
+            name: with_budget(entry, behind[name], budget) if name in behind else entry
+            for name, entry in figures.items()
+        }
     if not duties:
         return figures
     fast_s = float(np.median(times[:, 0]))
@@ -326,20 +335,28 @@ def derive(
     return figures
 
 
-def _with_budgets(
-    figures: Mapping[str, DerivedFigure], drawn: Machine, times: np.ndarray, budget: Budget
-) -> dict[str, DerivedFigure]:
-    """Return figures with where the uncertainty of those comes from that all draws have."""
-    behind = dict(zip(names_of_times(times.shape[-1]), times.T, strict=True)) | {
+def _rises_and_currents(drawn: Machine, permitted_K: float) -> dict[str, np.ndarray]:
+    """Return the draws behind the steady rise, its margin and the continuous currents by name."""
+    found = {
         "steady_rise_K": drawn.rise,
-        "rise_margin_K": -drawn.rise,
+        "rise_margin_K": permitted_K - drawn.rise,
         "continuous_current_A": jnp.sqrt(drawn.limit_squared),
         "continuous_current_by_rise_A": jnp.sqrt(drawn.permitted_squared),
     }
-    return {
-        name: with_budget(entry, np.asarray(behind[name]), budget) if name in behind else entry
-        for name, entry in figures.items()
-    }
+    return {name: np.asarray(draws) for name, draws in found.items()}
+
+
+def _over_sets(
+    figures: Mapping[str, DerivedFigure], of_sets: Mapping[str, np.ndarray]
+) -> dict[str, DerivedFigure]:
+    """Return figures whose intervals hold what they are in networks that are not told apart."""
+    found = dict(figures)
+    for name, draws in of_sets.items():
+        entry = found.get(name)
+        if entry is not None and np.all(np.isfinite(entry.ends)) and np.any(np.isfinite(draws)):
+            both, sd = over_sets(entry.ends, number(known(entry.sd)), draws)
+            found[name] = replace(entry, interval_95=both, sd=sd)
+    return found
 
 
 def rating(
