@@ -22,6 +22,7 @@ from heatrun.reports.figures import save
 from heatrun.reports.pdf import shown, write_pdf
 from heatrun.reports.printed import printed
 from heatrun.reports.printed import test_days as days_of
+from heatrun.reports.terminal import verdict_lines
 from heatrun.reports.xlsx import write_xlsx
 from heatrun.results import FitResult, from_json, to_json
 from heatrun.results.model import AT_REST, LOADED, DerivedFigure, FittedParameter
@@ -243,6 +244,10 @@ def test_which_of_several_effects_is_there_restricts_nothing_that_the_intervals_
     assert said.use == "usable"
     assert any("do not tell which of several effects" in reason for reason in said.reasons)
     assert not any("discover" in reason for reason in said.reasons)
+    assert (
+        "do not tell which of several effects"
+        in verdict_lines(replace(result, findings=(which,)))[-1]
+    )
     said = headline(replace(result, findings=(which, LACK)))
     assert said.use == "restricted"
     assert any("lacks something that the tests show" in reason for reason in said.reasons)

@@ -23,6 +23,7 @@ from ..runs.verdict import (
     deciding,
     favoured,
     headline,
+    not_told_apart,
     restrictions,
     thermal,
 )
@@ -128,9 +129,9 @@ def _told_apart(value: float, low: float, high: float) -> tuple[str, ...]:
 
 
 def verdict_lines(result: FitResult) -> list[str]:
-    """Return whether a result can be used, and what restricts it."""
+    """Return whether a result can be used, what restricts it, and which effects may be others."""
     said = headline(result)
-    return [f"{said.use.upper()}: {said.sentence}", *restrictions(result)]
+    return [f"{said.use.upper()}: {said.sentence}", *restrictions(result), *not_told_apart(result)]
 
 
 def next_step(result: FitResult, run: str) -> str:

@@ -66,7 +66,7 @@ def headline(result: FitResult) -> UseVerdict:
     lost = [name for name, entry in free.items() if entry.identifiability == "not identifiable"]
     weak = [name for name, entry in free.items() if entry.identifiability == "weak"]
     reasons = (
-        *restrictions(result), *_ambiguous(result), *against_others(result), *_warnings(result),
+        *restrictions(result), *not_told_apart(result), *against_others(result), *_warnings(result),
         *_accuracy(model),
     )  # fmt: skip
     if model.result != "converged":
@@ -296,7 +296,7 @@ def _incomplete(result: FitResult) -> set[str]:
     return {f.id for f in _warned(result) if f.id in INCOMPLETE}
 
 
-def _ambiguous(result: FitResult) -> list[str]:
+def not_told_apart(result: FitResult) -> list[str]:
     """Return that the tests do not tell effects apart, in a sentence."""
     if all(finding.id != AMBIGUOUS for finding in _warned(result)):
         return []
