@@ -18,7 +18,7 @@ from ..record.channels import BODIES
 from ..record.derive import RAD_PER_S_PER_RPM, recorded_shaft_power
 from ..record.motor import Motor
 from ..record.record import Finding, Record
-from ..record.samples import channel_of, without_pickup
+from ..record.samples import channel_of, sink_channel, without_pickup
 from ..record.stretch import bridge, mask, move_load, windows, within
 from .advice import in_one_line
 from .course import (
@@ -80,13 +80,13 @@ CHECKS: tuple[Check, ...] = (
     resistance_coefficient,
     unit_suspected,
     unit_assumed,
+    ambient_implausible,
     load_late,
     sensor_pickup,
     sensor_detached,
     temperature_jump,
     saturation,
     sensor_stuck,
-    ambient_implausible,
     resolution,
     truncation,
     losses_absurd,
@@ -234,6 +234,13 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
         if shaft is not None and not finding.values["is_output"]:
             rest["losses_W"] = record["losses_W"] - np.abs(shaft)
         return replace(record, channels=rest), motor
+    if (
+        finding.id == "load_stuck"
+        and "from_s" not in finding.values
+        and channel_of(finding) == "torque_Nm"
+    ):
+        rest = {n: v for n, v in record.channels.items() if n not in ("torque_Nm", "losses_W")}
+        return replace(record, channels=rest), motor
     if finding.id == "shaft_power_disagrees":
         shaft = recorded_shaft_power(record.channels)
         terms = {"shaft_power_offset": 1.0, "shaft_power_gain": shaft}
@@ -254,6 +261,8 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
         return _without_open(record, channel_of(finding)), motor
     if finding.id in OF_THE_READING and channel_of(finding) != "winding_degC":
         return _without(record, finding), motor
+    if finding.id == "unit_suspected" and finding.severity != "note":
+        return read_otherwise(record, motor, finding)
     if finding.severity != "error":
         return record, motor
     if finding.id == "time_backwards" and "sample" in finding.values:
@@ -267,17 +276,18 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
         zero, factor = values["zero"] or 0.0, values["factor"] or 1.0
         degC = (np.asarray(record[channel], dtype=float) - zero) * factor
         return replace(record, channels={**record.channels, channel: degC}), motor
+    if finding.id == "ambient_implausible" and finding.values.get("mirrored_about_degC"):
+        mirrored = 2.0 * (finding.values["mirrored_about_degC"] or 0.0) - record["winding_degC"]
+        return replace(record, channels={**record.channels, "winding_degC": mirrored}), motor
     if finding.id == "ambient_implausible" and finding.values.get("is_exchanged"):
-        channel = channel_of(finding)
-        pair = {channel: record["winding_degC"], "winding_degC": record[channel]}
+        body, sink = channel_of(finding), sink_channel(motor)
+        pair = {sink: record[body], body: record[sink]}
         return replace(record, channels={**record.channels, **pair}), motor
     if finding.id == "load_late":
         return move_load(record, -(finding.values["late_s"] or 0.0), ""), motor
     if finding.id == "load_stuck" and "from_s" in finding.values:
         held = (finding.values["from_s"] or 0.0, finding.values["to_s"] or 0.0)
         return bridge(mask(record, [*record.masks, held], ""), [held], ""), motor
-    if finding.id == "unit_suspected":
-        return read_otherwise(record, motor, finding)
     if finding.id == "load_spike":
         return bridge(record, spike_windows(record, finding), ""), motor
     if finding.id == "saturation" and channel_of(finding) == "winding_degC":
