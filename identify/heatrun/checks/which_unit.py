@@ -51,7 +51,7 @@ SCALES = (
     ("phase_current_A", 2.0, 1e-3,
      "the clamp reads half the current, by its setting or on one of two cables",
      "scale the column of the current in the file"),
-    ("phase_current_A", 10.0, 1e-3, "the clamp reads a tenth of the current, by its range",
+    ("phase_current_A", 10.0, 1e-3, "the clamp reads a tenth of the current, by its setting",
      "scale the column of the current in the file"),
     ("electrical_power_W", 1.5, 0.02, "electrical_power_W is that of two phases of three",
      "take the sum of the phases, or scale the column in the file"),
