@@ -89,6 +89,11 @@ TURNING = changed(
     speed_rpm=np.full(SMOOTH.time_s.size, 1500.0),
 )
 TWO_PHASES = of_balance(TURNING, 8.0 / 1.5 * TURNING["losses_W"], 7.0 * TURNING["losses_W"])
+REVERSED = changed(
+    SMOOTH,
+    losses_W=SMOOTH["losses_W"][::-1],
+    phase_current_A=SMOOTH["phase_current_A"][::-1],
+)
 MIRRORED = changed(SMOOTH, winding_degC=44.0 - SMOOTH["winding_degC"])
 
 FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
@@ -155,6 +160,7 @@ FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
     "truncation": (
         heat_run(ambient=22.8, cut_off=True), MOTOR, "warning", "offset_K", (-0.85, -0.75)
     ),
+    "load_of_another": (REVERSED, MOTOR, "warning", "rms_K", (5.0, 20.0)),
     "losses_negative": (
         edited(CLEAN, "losses_W", 1000.0, 1120.0, lambda P: -P),
         MOTOR, "error", "from_s", (995, 1015),

@@ -31,7 +31,7 @@ from .course import (
 )
 from .excitation import single_step, too_short
 from .frozen import Looked, saturation, sensor_stuck
-from .heat import losses_absent, losses_absurd, losses_of_dc_link
+from .heat import load_of_another, losses_absent, losses_absurd, losses_of_dc_link
 from .load_held import load_stuck
 from .load_moments import load_late
 from .load_spike import load_spike, spike_windows
@@ -103,11 +103,15 @@ CHECKS: tuple[Check, ...] = (
     ambient_moving,
     single_step,
     too_short,
+    load_of_another,
 )
 """Every check, named as the id of its findings, in the order in which they are reported."""
 
 OF_THE_COURSE = (start_not_in_equilibrium, cut_while_warm, ambient_moving, single_step, too_short)
 """Checks of how a test was run: of one that an error will change they say nothing."""
+
+IF_NOTHING_ELSE = (load_of_another,)
+"""Checks that say nothing where another finding, but of how a test was run, may be the cause."""
 
 OF_THE_BALANCE = (
     losses_absurd, losses_negative, losses_below_copper, current_amplitude, standstill_losses,
@@ -158,6 +162,8 @@ def check_record(record: Record, motor: Motor) -> tuple[Finding, ...]:
             errors = {one.id for one in findings if one.severity == "error"}
             if errors and check in OF_THE_COURSE:
                 continue
+            if check in IF_NOTHING_ELSE and not _is_of_the_course(findings):
+                continue
             if (
                 errors & {"unit_suspected", "losses_of_shaft", "units_temperature"}
                 and check in OF_THE_BALANCE
@@ -194,6 +200,12 @@ def _of_the_sensor(record: Record, motor: Motor) -> tuple[list[Finding], Record]
         told.append(first)
         record, _ = mended(record, motor, first)
     return told, record
+
+
+def _is_of_the_course(findings: Iterable[Finding]) -> bool:
+    """Return whether findings tell no more than how a test was run."""
+    told = {check.__name__ for check in OF_THE_COURSE}
+    return all(one.severity == "note" or one.id in told for one in findings)
 
 
 def _is_below_a_top(finding: Finding, told: Sequence[Finding]) -> bool:

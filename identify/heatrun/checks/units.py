@@ -1,6 +1,7 @@
 """Are the temperatures in degrees Celsius, and can the sink be what it is called?"""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -42,6 +43,9 @@ PLAUSIBLE_DEGC = {"ambient_degC": (-30.0, 50.0), "coolant_degC": (-40.0, 120.0)}
 
 POSSIBLE_DEGC = {"ambient_degC": (-60.0, 130.0), "coolant_degC": (-60.0, 160.0)}
 """Beyond these no bench runs: a wrong column, unit or sensor."""
+
+POSSIBLE_OF_BODIES_DEGC = (-60.0, 400.0)
+"""No machine is colder or hotter [degC]."""
 
 SAME_SHARE, LEAST_SWING_K = 0.02, 10.0
 """Excess over the sink as a part of the winding's own swing [1] below which the two are one sensor,
@@ -174,7 +178,12 @@ def ambient_implausible(record: Record, motor: Motor) -> Iterator[Finding]:
         return
     where = place(record, channel, float(time_s[0]), float(time_s[-1]))
     typical = float(np.median(sink))
-    heated = with_all_heat(record, motor)
+    # what an open circuit reads is no temperature
+    warm = {n: record[n] for n in ("winding_degC", *BODIES) if n in record}
+    low, high = POSSIBLE_OF_BODIES_DEGC
+    warm = {n: np.where((low < T) & (high > T), T, np.nan) for n, T in warm.items()}
+    heated = replace(record, channels={**record.channels, **warm})
+    heated = with_all_heat(heated, motor)
     time_s, sink, winding, losses = samples(heated, channel, "winding_degC", "losses_W")
     loaded = is_loaded(losses)
     swing = float(np.ptp(winding)) if winding.size else 0.0

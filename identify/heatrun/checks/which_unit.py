@@ -53,7 +53,7 @@ SCALES = (
      "scale the column of the current in the file"),
     ("phase_current_A", 10.0, 1e-3, "the clamp reads a tenth of the current, by its setting",
      "scale the column of the current in the file"),
-    ("electrical_power_W", 1.5, 0.02, "electrical_power_W is that of two phases of three",
+    ("electrical_power_W", 1.5, 0.002, "electrical_power_W is that of two phases of three",
      "take the sum of the phases, or scale the column in the file"),
     ("electrical_power_W", 3.0, 0.02, "electrical_power_W is that of one phase of three",
      "take the sum of the phases, or scale the column in the file"),
