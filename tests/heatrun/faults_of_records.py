@@ -83,6 +83,19 @@ STEPS = np.flatnonzero(np.abs(np.diff(SMOOTH["phase_current_A"])) > 40.0)
 SHIFTS_S = float(SMOOTH.time_s[STEPS[3] + 1])  # with a load step
 SHIFTED = edited(SMOOTH, "winding_degC", SHIFTS_S, 1e9, lambda T: T + 6.0)
 
+TURNING = changed(
+    SMOOTH,
+    losses_W=SMOOTH["losses_W"] + 40.0,  # of iron, whatever the current
+    speed_rpm=np.full(SMOOTH.time_s.size, 1500.0),
+)
+TWO_PHASES = of_balance(TURNING, 8.0 / 1.5 * TURNING["losses_W"], 7.0 * TURNING["losses_W"])
+REVERSED = changed(
+    SMOOTH,
+    losses_W=SMOOTH["losses_W"][::-1],
+    phase_current_A=SMOOTH["phase_current_A"][::-1],
+)
+MIRRORED = changed(SMOOTH, winding_degC=44.0 - SMOOTH["winding_degC"])
+
 FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
     "missing_channel": (without(CLEAN, "losses_W"), MOTOR, "error", "", (0, 0)),
     "simulated_by_heatrun": (
@@ -147,6 +160,7 @@ FAULTS: dict[str, tuple[Record, Motor, str, str, tuple[float, float]]] = {
     "truncation": (
         heat_run(ambient=22.8, cut_off=True), MOTOR, "warning", "offset_K", (-0.85, -0.75)
     ),
+    "load_of_another": (REVERSED, MOTOR, "warning", "rms_K", (5.0, 20.0)),
     "losses_negative": (
         edited(CLEAN, "losses_W", 1000.0, 1120.0, lambda P: -P),
         MOTOR, "error", "from_s", (995, 1015),
@@ -553,5 +567,33 @@ VARIANTS: dict[str, tuple[str, Record, Motor, str | None]] = {
     "map of losses": (
         "shaft_power_disagrees", motor_and_generator(0.03), replace(MOTOR, losses="map"), None
     ),
+    "clamp that reads half": (
+        "unit_suspected",
+        as_columns(changed(TURNING, phase_current_A=0.5 * TURNING["phase_current_A"])),
+        MOTOR, "warning",
+    ),
+    "resistance of a star beside the current of a delta": (
+        "unit_suspected", as_columns(TURNING), replace(MOTOR, phase_resistance_ohm=0.0062 / 3.0),
+        "warning",
+    ),
+    "copper loss beside some of iron": ("unit_suspected", as_columns(TURNING), MOTOR, None),
+    "power of two phases of three": ("unit_suspected", TWO_PHASES, MOTOR, "error"),
+    "losses of two phases of three, told by that": ("losses_negative", TWO_PHASES, MOTOR, None),
+    "torque that reads nothing": (
+        "load_stuck", of_balance(TURNING, 8.0 * TURNING["losses_W"], 0.0 * TURNING.time_s), MOTOR,
+        "warning",
+    ),
+    "housing and ambient exchanged": (
+        "ambient_implausible",
+        changed(
+            SMOOTH, housing_degC=SMOOTH["ambient_degC"],
+            ambient_degC=22.0 + 0.7 * (SMOOTH["winding_degC"] - 22.0),
+        ),
+        MOTOR, "error",
+    ),
+    "wires of a thermocouple exchanged": (
+        "ambient_implausible", MIRRORED, MOTOR, "error",
+    ),
+    "sensor whose wires are exchanged is not off": ("sensor_detached", MIRRORED, MOTOR, None),
     "settled": ("too_short", heat_run(currents=(100.0,), minutes=170.0, step_s=1.0), MOTOR, None),
 }  # fmt: skip

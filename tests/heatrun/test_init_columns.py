@@ -106,6 +106,16 @@ WITH_CURRENT = BASE | {"phase_current_A": CURRENT, "ambient_degC": ROOM}
 UVW = (WINDING + 1.5, WINDING, WINDING - 1.0)
 
 
+def test_what_no_temperature_reaches_may_be_the_time_by_any_name(tmp_path):
+    """ "ts" of a temperature reads so too; that of a clock counts seconds."""
+    columns = {"ts": 4e5 + TIME_S, "losses_W": LOSSES, "I [A]": CURRENT, "T_w [degC]": WINDING}
+    text = text_of(named(tmp_path, columns))
+    assert offered(text, "time_s") == ["ts"]
+    assert "ts" not in [*offered(text, "winding_degC"), *offered(text, "ambient_degC")]
+    as_warm = text_of(named(tmp_path, {**BASE, "ts": WINDING}))
+    assert offered(as_warm, "winding_degC") == ["ts"]
+
+
 def taken(text: str, channel: str, side: str) -> str:
     """Remove the # in front of a line."""
     line = f'{channel} = "{side}"'

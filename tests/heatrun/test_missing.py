@@ -21,7 +21,7 @@ from heatrun.effects.small_effects import (
     small_effects,
 )
 from heatrun.model.catalogue import all_effects
-from heatrun.model.draws import Draws, PlausibleEffect, PlausibleEffects
+from heatrun.model.draws import Draws, PlausibleEffect, PlausibleEffects, courses
 from heatrun.model.model import Model
 from heatrun.model.model_parameters import parameters
 from heatrun.posterior.driven import virtual_record
@@ -350,3 +350,29 @@ def test_effects_behind_one_draw_add_up(two_sensors):
     assert np.ptp(first - bare) > 0.1
     assert np.ptp(second - bare) > 0.1
     np.testing.assert_allclose(median(1.0, 0.5), first + second - bare, atol=1e-6)
+
+
+def test_an_effect_with_which_the_machine_runs_away_says_nothing_of_a_test(two_sensors):
+    """And a draw of the network that runs away has limits, and no warning of NumPy's."""
+    motor, tests = two_sensors
+    alone = Model.of("second", motor).scaled(motor, tests)
+    known = parameters(alone, motor, [alone.with_bodies(test) for test in tests]).by_test[0]
+    values = {name: p.centre for name, p in known.items() if not p.per_test}
+    named = "ambient_recirculation.r"
+
+    def found(size, **away):
+        with_effect = {**values, named: 0.02, **away}
+        effect = PlausibleEffect(RECIRCULATION, None, 0.5, with_effect, values)
+        sizes = np.zeros((NUM_DRAWS, 1))
+        sizes[: NUM_DRAWS // 2] = size
+        plausible = PlausibleEffects((effect,), sizes)
+        return predict(draws_of(alone, motor, tests, plausible), tests[0])
+
+    bare, small, away = found(0.0), found(1.0), found(1.0, Req_sr=-1e-3)
+    assert np.max(np.abs(small.sd - bare.sd)) > 0.1
+    np.testing.assert_allclose(away.sd, bare.sd)
+    np.testing.assert_allclose(away.draws, bare.draws)
+    fast = {**values, "Req_sr": np.array([1.0, -5e-4])}
+    course = courses(alone, {n: np.broadcast_to(v, 2) for n, v in fast.items()} | {
+        n: np.full(2, p.centre) for n, p in known.items() if p.per_test}, tests[0])  # fmt: skip
+    assert np.all(np.isfinite(np.std(course.reading, axis=0)))

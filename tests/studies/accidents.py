@@ -3,9 +3,8 @@
 `make study-accidents` writes `results/accidents/`: machines and loads of `ordinary_machines`, each
 record written as a file and read as `heatrun check` reads it. Beside its columns a record here has
 a current for each phase and the housing, some the resistance between two terminals; some loggers
-round to 1 °C, some record the inrush of a start. Thresholds were set on seeds below 12000; reports
-use those from there on. `accidents.py --seed 1000 --clean 12 --each 2 --out FOLDER` gives a first
-look; a run that was cut short goes on where it was.
+round to 1 °C, some record the inrush of a start. Thresholds were set on seeds below 12000. A first
+look: `accidents.py --seed 1000 --clean 12 --each 2 --out FOLDER`; one cut short goes on.
 """
 
 import tempfile
@@ -314,6 +313,27 @@ def shifts_with_load(bench: Bench) -> float:
     return float(bench.time[place])
 
 
+def halves_current(bench: Bench) -> None:
+    for name in PHASES:
+        bench.columns[name] = np.round(0.5 * bench.columns[name], 4)
+
+
+def two_phases(bench: Bench) -> None:
+    bench.columns["watts"] = np.round(2.0 / 3.0 * bench.columns["watts"], 2)
+
+
+def no_torque(bench: Bench) -> None:
+    bench.columns["torque"] = 0.0 * bench.columns["torque"]
+
+
+def exchanges_room(bench: Bench) -> None:
+    bench.columns |= {"housing": bench.columns["sink"], "sink": bench.columns["housing"]}
+
+
+def exchanges_wires(bench: Bench) -> None:
+    bench.columns["winding"] = 2.0 * bench.columns["sink"] - bench.columns["winding"]
+
+
 class Accident(NamedTuple):
     """What happens, and the findings that name it, all of them needed; `told` are words in one."""
 
@@ -364,6 +384,17 @@ ACCIDENTS: dict[str, Accident] = {
     "power reads nothing": Accident(power_is_lost, ("load_stuck",), "bridge|use ="),
     "sink's sensor opens": Accident(sink_opens, ("sensor_detached",), "under [constants]", True),
     "loose contact": Accident(contact_is_loose, (OFF,), "mask", True),
+    "current reads half": Accident(
+        halves_current, ("unit_suspected|standstill_losses|losses_of_shaft",), "half|low|current"
+    ),
+    "power of two phases": Accident(two_phases, ("unit_suspected",), "two phases"),
+    "torque reads nothing": Accident(no_torque, ("load_stuck",), "torque_Nm"),
+    "housing and sink exchanged": Accident(
+        exchanges_room, ("ambient_implausible",), "exchanged", True
+    ),
+    "wires of the sensor exchanged": Accident(
+        exchanges_wires, ("ambient_implausible",), "wires", True
+    ),
 }
 """By name. An accident of the shaft or of three phases cannot happen to a coil."""
 

@@ -18,7 +18,7 @@ from ..record.channels import BODIES
 from ..record.derive import RAD_PER_S_PER_RPM, recorded_shaft_power
 from ..record.motor import Motor
 from ..record.record import Finding, Record
-from ..record.samples import channel_of, without_pickup
+from ..record.samples import channel_of, sink_channel, without_pickup
 from ..record.stretch import bridge, mask, move_load, windows, within
 from .advice import in_one_line
 from .course import (
@@ -31,7 +31,7 @@ from .course import (
 )
 from .excitation import single_step, too_short
 from .frozen import Looked, saturation, sensor_stuck
-from .heat import losses_absent, losses_absurd, losses_of_dc_link
+from .heat import load_of_another, losses_absent, losses_absurd, losses_of_dc_link
 from .load_held import load_stuck
 from .load_moments import load_late
 from .load_spike import load_spike, spike_windows
@@ -80,13 +80,13 @@ CHECKS: tuple[Check, ...] = (
     resistance_coefficient,
     unit_suspected,
     unit_assumed,
+    ambient_implausible,
     load_late,
     sensor_pickup,
     sensor_detached,
     temperature_jump,
     saturation,
     sensor_stuck,
-    ambient_implausible,
     resolution,
     truncation,
     losses_absurd,
@@ -103,11 +103,15 @@ CHECKS: tuple[Check, ...] = (
     ambient_moving,
     single_step,
     too_short,
+    load_of_another,
 )
 """Every check, named as the id of its findings, in the order in which they are reported."""
 
 OF_THE_COURSE = (start_not_in_equilibrium, cut_while_warm, ambient_moving, single_step, too_short)
 """Checks of how a test was run: of one that an error will change they say nothing."""
+
+IF_NOTHING_ELSE = (load_of_another,)
+"""Checks that say nothing where another finding, but of how a test was run, may be the cause."""
 
 OF_THE_BALANCE = (
     losses_absurd, losses_negative, losses_below_copper, current_amplitude, standstill_losses,
@@ -158,6 +162,8 @@ def check_record(record: Record, motor: Motor) -> tuple[Finding, ...]:
             errors = {one.id for one in findings if one.severity == "error"}
             if errors and check in OF_THE_COURSE:
                 continue
+            if check in IF_NOTHING_ELSE and not _is_of_the_course(findings):
+                continue
             if (
                 errors & {"unit_suspected", "losses_of_shaft", "units_temperature"}
                 and check in OF_THE_BALANCE
@@ -194,6 +200,12 @@ def _of_the_sensor(record: Record, motor: Motor) -> tuple[list[Finding], Record]
         told.append(first)
         record, _ = mended(record, motor, first)
     return told, record
+
+
+def _is_of_the_course(findings: Iterable[Finding]) -> bool:
+    """Return whether findings tell no more than how a test was run."""
+    told = {check.__name__ for check in OF_THE_COURSE}
+    return all(one.severity == "note" or one.id in told for one in findings)
 
 
 def _is_below_a_top(finding: Finding, told: Sequence[Finding]) -> bool:
@@ -234,6 +246,13 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
         if shaft is not None and not finding.values["is_output"]:
             rest["losses_W"] = record["losses_W"] - np.abs(shaft)
         return replace(record, channels=rest), motor
+    if (
+        finding.id == "load_stuck"
+        and "from_s" not in finding.values
+        and channel_of(finding) == "torque_Nm"
+    ):
+        rest = {n: v for n, v in record.channels.items() if n not in ("torque_Nm", "losses_W")}
+        return replace(record, channels=rest), motor
     if finding.id == "shaft_power_disagrees":
         shaft = recorded_shaft_power(record.channels)
         terms = {"shaft_power_offset": 1.0, "shaft_power_gain": shaft}
@@ -254,6 +273,8 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
         return _without_open(record, channel_of(finding)), motor
     if finding.id in OF_THE_READING and channel_of(finding) != "winding_degC":
         return _without(record, finding), motor
+    if finding.id == "unit_suspected" and finding.severity != "note":
+        return read_otherwise(record, motor, finding)
     if finding.severity != "error":
         return record, motor
     if finding.id == "time_backwards" and "sample" in finding.values:
@@ -267,17 +288,18 @@ def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Moto
         zero, factor = values["zero"] or 0.0, values["factor"] or 1.0
         degC = (np.asarray(record[channel], dtype=float) - zero) * factor
         return replace(record, channels={**record.channels, channel: degC}), motor
+    if finding.id == "ambient_implausible" and finding.values.get("mirrored_about_degC"):
+        mirrored = 2.0 * (finding.values["mirrored_about_degC"] or 0.0) - record["winding_degC"]
+        return replace(record, channels={**record.channels, "winding_degC": mirrored}), motor
     if finding.id == "ambient_implausible" and finding.values.get("is_exchanged"):
-        channel = channel_of(finding)
-        pair = {channel: record["winding_degC"], "winding_degC": record[channel]}
+        body, sink = channel_of(finding), sink_channel(motor)
+        pair = {sink: record[body], body: record[sink]}
         return replace(record, channels={**record.channels, **pair}), motor
     if finding.id == "load_late":
         return move_load(record, -(finding.values["late_s"] or 0.0), ""), motor
     if finding.id == "load_stuck" and "from_s" in finding.values:
         held = (finding.values["from_s"] or 0.0, finding.values["to_s"] or 0.0)
         return bridge(mask(record, [*record.masks, held], ""), [held], ""), motor
-    if finding.id == "unit_suspected":
-        return read_otherwise(record, motor, finding)
     if finding.id == "load_spike":
         return bridge(record, spike_windows(record, finding), ""), motor
     if finding.id == "saturation" and channel_of(finding) == "winding_degC":

@@ -29,7 +29,14 @@ from ..record.derive import ELECTRICAL, SHAFT, shaft_power
 from ..record.motor import Motor
 from ..record.record import Record
 from ..record.samples import block_means, integral, samples
-from .losses import COPPER_TOLERANCE, FIRM_TOLERANCE, copper_shares, shaft_explains, share_in_words
+from .losses import (
+    COPPER_TOLERANCE,
+    FIRM_TOLERANCE,
+    copper_shares,
+    heat_of_current,
+    shaft_explains,
+    share_in_words,
+)
 from .quick_fit import course_of, quick_fit
 
 BLOCKS = 300
@@ -206,6 +213,10 @@ shows, is a tenth; servo motors have 450, standard motors 700."""
 COPPER_SHARE = Limits(0.005, 0.1, 1.0, 1.0 + FIRM_TOLERANCE, is_rare_below=True)
 """Copper loss over total [1]; with less copper a machine runs without load."""
 
+HEAT_OF_CURRENT = Limits(0.0, 0.0, 1.6, 2.6)
+"""What of the losses goes with the squared current, over the copper loss [1], at least: with stray
+losses and the slip of a squirrel cage 1.9, with bars as high as the slot and their eddies more."""
+
 EFFICIENCY = Limits(0.12, 0.5, 1.0, 1.0 + COPPER_TOLERANCE, is_rare_below=True)
 """Power of the shaft over electrical power [1]. Behind the least an error of 2 pi/60 in the shaft's
 may hide: 1.15/9.55."""
@@ -266,6 +277,14 @@ def _copper(record: Record, motor: Motor) -> Iterator[Figure]:
     above = f"Expected losses above the copper loss; they are {share_in_words(typical)}."
     channels = ("phase_current_A", "losses_W")
     yield _figure("copper_share", typical, COPPER_SHARE, channels, below, above)
+    ratio = heat_of_current(record, motor)
+    if ratio is not None:
+        above = (
+            "Expected the copper loss to be most of what goes with the square of the current; "
+            f"of the losses at least {rounded(ratio, 2)} times as much does."
+        )
+        ratio = max(ratio, 0.0)
+        yield _figure("heat_of_current", ratio, HEAT_OF_CURRENT, channels, "", above)
 
 
 def _is_high(power: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ from ..record.samples import block_means, is_loaded, place, samples, sink_channe
 from ..record.units import require_unit
 from .advice import Part, Remedy, use_line
 from .figures import MIN_RISE_K, is_brief, one_mass
+from .quick_fit import MAX_RESIDUAL_SHARE, course_of, fit_of
 
 FEWEST_BLOCKS = 30
 """A cooling of five minutes tells the time constant of a winding."""
@@ -126,6 +127,34 @@ def losses_of_dc_link(record: Record, motor: Motor) -> Iterator[Finding]:
             values={"ratio": float(np.median(ratio))},
         )
         return
+
+
+LEAST_SWING_K = 10.0
+"""Below, rounding and drifts are no small part of the course."""
+
+
+def load_of_another(record: Record, motor: Motor) -> Iterator[Finding]:
+    """Warn of a winding that two nodes of any size, heated by the record's losses, do not follow.
+
+    What a machine does beside, a fan on its shaft, a lag, a third body, leaves a fourth of that.
+    """
+    course = course_of(record, motor)
+    if course is None or np.ptp(course.winding_degC) < LEAST_SWING_K:
+        return
+    fit = fit_of(course, most=np.inf)
+    swing = float(np.ptp(course.winding_degC))
+    if fit is None or fit.rms_K < MAX_RESIDUAL_SHARE * swing:
+        return
+    yield Finding(
+        "load_of_another",
+        "warning",
+        "Expected the winding to follow the losses; two nodes of any size leave "
+        f"{fit.rms_K:.1f} K (RMS) of a course of {swing:.0f} K.",
+        place(record, "losses_W", *map(float, record.time_s[[0, -1]])),
+        "Check whether load and temperatures are of one test and one clock, and whether an "
+        "instrument was switched over in it.",
+        values={"rms_K": fit.rms_K, "swing_K": swing},
+    )
 
 
 LARGEST_W, SMALLEST_W = 2e6, 1e-3

@@ -34,10 +34,11 @@ def load_stuck(record: Record, motor: Motor) -> Iterator[Finding]:
     An error where it is as long as a gap that is one, and another column of the load goes on (a
     load that is set, not measured, may stand still), and of a power while current flows; also where
     all of the load reads nothing though the winding stays warm, and where losses stay while neither
-    a current flows nor the shaft turns.
+    a current flows nor the shaft turns. A warning where a torque is zero throughout a run.
     """
     yield from _lost_load(record, motor)
     yield from _losses_at_rest(record)
+    yield from _no_torque(record)
     told: list[tuple[float, float]] = []
     load = of_the_load(record)
     for channel in load:
@@ -134,6 +135,26 @@ def _losses_at_rest(record: Record) -> Iterator[Finding]:
         place(record, "losses_W", *map(float, time_s[still][[0, -1]])),
         "Take losses_W from a column that is measured, or from the powers.",
         values={"value": stated_W},
+    )
+
+
+def _no_torque(record: Record) -> Iterator[Finding]:
+    """Yield a column of torque that reads nothing at all while the machine turns under current."""
+    if "torque_Nm" not in of_the_load(record):
+        return
+    time_s, torque, current, speed = samples(record, "torque_Nm", "phase_current_A", "speed_rpm")
+    runs_loaded = is_loaded(np.square(current)) & (np.abs(speed) >= 1.0)
+    if np.any(torque) or np.sum(runs_loaded) < LIVE_SAMPLES:
+        return
+    yield Finding(
+        "load_stuck",
+        "warning",
+        "torque_Nm reads 0 N m throughout, though the machine turns under current: all of the "
+        "electrical power counts as losses.",
+        place(record, "torque_Nm", *map(float, time_s[runs_loaded][[0, -1]])),
+        "Check the transducer. Where the machine ran without load: torque_Nm = 0 under "
+        "[constants], in place of the column.",
+        values={"value": 0.0},
     )
 
 

@@ -12,10 +12,12 @@ from ..record.balance_errors import (
     BLOCK_S,
     LEAST_POWER,
     SHAFT_GAIN_SD,
+    SIGMAS,
     STANDSTILL_RPM,
     excess_of_shaft,
     own_errors,
     prior_of,
+    told_beside,
 )
 from ..record.derive import RAD_PER_S_PER_RPM, recorded_shaft_power
 from ..record.motor import Motor
@@ -89,6 +91,24 @@ def copper_shares(record: Record, motor: Motor) -> tuple[np.ndarray, np.ndarray]
     share = np.full(total.size, np.inf)
     np.divide(copper, total, out=share, where=total > 0.0)
     return time_s[flows], share
+
+
+def heat_of_current(record: Record, motor: Motor) -> float | None:
+    """Return what of the losses goes with the square of the current, over the copper loss [1], at
+    least; None where speed and current do not tell it apart from what else is lost.
+    """
+    if motor.losses != "balance" or motor.phase_resistance_ohm is None:
+        return None
+    turns = motor.phases > 1
+    names = ("phase_current_A", "losses_W", "winding_degC", *("speed_rpm",) * turns)
+    time_s, current, losses, winding, *speed = samples(record, *names)
+    if time_s.size < 2:
+        return None
+    copper = motor.copper_loss_W(current, winding)
+    _, copper, losses, *speed = block_means(time_s, BLOCK_S, copper, losses, *map(np.abs, speed))
+    known = np.stack([np.ones(copper.size), *speed, *(each**2 for each in speed)], axis=1)
+    told = told_beside(known, copper, losses)
+    return None if told is None else told[0] - SIGMAS * told[1]
 
 
 def share_in_words(copper_share: float) -> str:

@@ -199,8 +199,8 @@ def quick_fit(
     return None if course is None else fit_of(course)
 
 
-def fit_of(course: Course) -> QuickFit | None:
-    """Fit two nodes to a course; as `quick_fit`."""
+def fit_of(course: Course, most: float = MAX_RESIDUAL_SHARE) -> QuickFit | None:
+    """Fit two nodes to a course; as `quick_fit`. More than `most` of the range explains nothing."""
     if not np.max(course.all_W) > 0.0:
         return None
     rows = (course.winding_degC, course.sink_degC, course.copper_W, course.all_W)
@@ -225,7 +225,7 @@ def fit_of(course: Course) -> QuickFit | None:
         best = top
     if lagging[best].log_density > look.log_density + LAG_SHOWN:
         look = lagging[best]
-    return _told(look)
+    return _told(look, most)
 
 
 def course_of(
@@ -410,7 +410,7 @@ def _look(course: Course, axes: np.ndarray) -> _Look:
     return _Look(course, axes, lagged, pairs, pairs_s, found, weight, largest, freedom)
 
 
-def _told(look: _Look) -> QuickFit | None:
+def _told(look: _Look, most: float) -> QuickFit | None:
     """What the grid says: the best pair, and how far the others disagree with it."""
     course = look.course
     likely = np.flatnonzero(look.weight > SMALLEST * np.max(look.weight))
@@ -425,7 +425,7 @@ def _told(look: _Look) -> QuickFit | None:
     errors = np.einsum("ki,kij,kjn->kn", signs, mixed, lagged, optimize=True)
     counted = errors[best, course.is_counted]
     rms = float(np.sqrt(np.mean(counted**2)))
-    if not rms < MAX_RESIDUAL_SHARE * float(np.ptp(course.winding_degC[course.is_counted])):
+    if not rms < most * float(np.ptp(course.winding_degC[course.is_counted])):
         return None
     columns = mixed[best, :5] @ lagged[best]
     within = np.einsum("in,ij,jn->n", columns, look.found.inverse[likely[best]], columns)

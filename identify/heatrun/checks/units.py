@@ -1,9 +1,11 @@
 """Are the temperatures in degrees Celsius, and can the sink be what it is called?"""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
+from ..record.channels import BODIES
 from ..record.derive import constants_of
 from ..record.motor import Motor
 from ..record.record import Finding, Record, Severity
@@ -42,9 +44,15 @@ PLAUSIBLE_DEGC = {"ambient_degC": (-30.0, 50.0), "coolant_degC": (-40.0, 120.0)}
 POSSIBLE_DEGC = {"ambient_degC": (-60.0, 130.0), "coolant_degC": (-60.0, 160.0)}
 """Beyond these no bench runs: a wrong column, unit or sensor."""
 
+POSSIBLE_OF_BODIES_DEGC = (-60.0, 400.0)
+"""No machine is colder or hotter [degC]."""
+
 SAME_SHARE, LEAST_SWING_K = 0.02, 10.0
 """Excess over the sink as a part of the winding's own swing [1] below which the two are one sensor,
 where it swings so far [K]: the tightest winding in oil that warms with it keeps a tenth."""
+
+ROOM_SHARE = 0.1
+"""Swing of a room over that of what a machine warms [1]."""
 
 SINK_ABOVE_K = 5.0
 """A winding that stays this far below its sink while heat flows is not heated by it: swapped
@@ -170,9 +178,13 @@ def ambient_implausible(record: Record, motor: Motor) -> Iterator[Finding]:
         return
     where = place(record, channel, float(time_s[0]), float(time_s[-1]))
     typical = float(np.median(sink))
-    time_s, sink, winding, losses = samples(
-        with_all_heat(record, motor), channel, "winding_degC", "losses_W"
-    )
+    # what an open circuit reads is no temperature
+    warm = {n: record[n] for n in ("winding_degC", *BODIES) if n in record}
+    low, high = POSSIBLE_OF_BODIES_DEGC
+    warm = {n: np.where((low < T) & (high > T), T, np.nan) for n, T in warm.items()}
+    heated = replace(record, channels={**record.channels, **warm})
+    heated = with_all_heat(heated, motor)
+    time_s, sink, winding, losses = samples(heated, channel, "winding_degC", "losses_W")
     loaded = is_loaded(losses)
     swing = float(np.ptp(winding)) if winding.size else 0.0
     excess = float(np.quantile(np.abs(winding - sink), 0.95)) if winding.size else 0.0
@@ -190,20 +202,33 @@ def ambient_implausible(record: Record, motor: Motor) -> Iterator[Finding]:
             values={"excess_K": excess, "swing_K": swing},
         )
         return
-    below = float(np.median((winding - sink)[loaded])) if loaded.any() else 0.0
-    if below < -SINK_ABOVE_K:
-        is_exchanged = swing < SAME_SHARE * float(np.ptp(sink))
+    for body in ("winding_degC", *BODIES):
+        time_s, sink, warm, losses = samples(heated, channel, body, "losses_W")
+        loaded = is_loaded(losses)
+        below = float(np.median((warm - sink)[loaded])) if loaded.any() else 0.0
+        is_exchanged = bool(loaded.any() and np.ptp(warm) < ROOM_SHARE * np.ptp(sink))
+        if not below < -SINK_ABOVE_K or not (is_exchanged or body == "winding_degC"):
+            continue
+        fallen = float(warm[0] - np.median(warm[loaded]))
+        is_mirrored = not is_exchanged and max(SINK_ABOVE_K, float(np.ptp(sink))) < fallen
+        name = "the winding" if body == "winding_degC" else body
+        cause = ", which stays as it is: the two columns are exchanged." * is_exchanged
+        cause += ": it falls as the load comes, so its two wires are exchanged." * is_mirrored
+        remedy = "Check whether the two columns are exchanged."
+        if is_exchanged:
+            remedy = exchange_line(record, body, channel)
+        elif is_mirrored:
+            remedy = "Exchange the wires of the thermocouple; this record cannot be used."
         yield Finding(
             "ambient_implausible",
             "error",
-            f"Expected the winding above {channel} under load; it is {-below:.1f} K below. Heat "
-            "would flow from the sink into the loaded winding"
-            + (", which stays as it is: the two columns are exchanged." if is_exchanged else "."),
-            place(record, channel, float(time_s[loaded][0]), float(time_s[loaded][-1])),
-            exchange_line(record, "winding_degC", channel)
-            if is_exchanged
-            else "Check whether the two columns are exchanged.",
-            values={"winding_above_sink_K": below, "is_exchanged": is_exchanged},
+            f"Expected {name} above {channel} under load; it is {-below:.1f} K below. Heat would "
+            f"flow from the sink into {'the loaded winding' if 'the' in name else 'it'}"
+            + (cause or "."),
+            place(record, channel if not cause else body, *map(float, time_s[loaded][[0, -1]])),
+            remedy,
+            values={"winding_above_sink_K": below, "is_exchanged": is_exchanged}
+            | ({"mirrored_about_degC": float(warm[0])} if is_mirrored else {}),
         )
         return
     low, high = PLAUSIBLE_DEGC[channel]

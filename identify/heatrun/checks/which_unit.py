@@ -22,7 +22,9 @@ from ..record.record import ColumnReading, Finding, Record, Severity
 from ..record.samples import place, samples
 from ..record.units import QUANTITIES, Unit, find_unit
 from .figures import RARE, Figure, figures, is_brief
-from .losses import losses_below_copper, losses_negative
+from .heat import losses_of_dc_link
+from .losses import losses_below_copper, losses_negative, losses_of_shaft
+from .standstill import standstill_losses
 from .units import ambient_implausible, units_temperature
 
 OTHER_UNIT = {"assumed": 0.5, "name": 0.02, "stated": 0.01, "derived": 0.01}
@@ -35,6 +37,8 @@ mistakes are one column's."""
 
 RESISTANCES = (
     (0.5, 0.01, "phase_resistance_ohm was measured between two terminals in star"),
+    (2.0, 1e-3, "phase_resistance_ohm was halved, and was that of one phase before"),
+    (3.0, 1e-3, "phase_resistance_ohm is that of a star, and the current that inside a delta"),
     (1e-3, 1e-4, "phase_resistance_ohm is in milliohm"),
 )
 """What is mistaken with the resistance, with the factor to the right one and the prior odds [1]: a
@@ -47,6 +51,10 @@ SCALES = (
     ("phase_current_A", 2.0, 1e-3,
      "the clamp reads half the current, by its setting or on one of two cables",
      "scale the column of the current in the file"),
+    ("phase_current_A", 10.0, 1e-3, "the clamp reads a tenth of the current, by its setting",
+     "scale the column of the current in the file"),
+    ("electrical_power_W", 1.5, 0.002, "electrical_power_W is that of two phases of three",
+     "take the sum of the phases, or scale the column in the file"),
     ("electrical_power_W", 3.0, 0.02, "electrical_power_W is that of one phase of three",
      "take the sum of the phases, or scale the column in the file"),
     ("torque_Nm", 0.95, 0.02, "the torque reads 5 % too much",
@@ -73,6 +81,10 @@ SOMETHING_ELSE = 1e-6
 
 ALSO_SAID = (losses_negative, losses_below_copper, ambient_implausible)
 """Checks whose errors break figures too, and are no unit's where no unit mends them."""
+
+OF_COPPER = {"copper_share", "heat_of_current"}
+OF_COPPER_TOO = (losses_of_shaft, losses_below_copper, standstill_losses)
+"""Figures of the copper loss in the losses, and the checks that tell more of them."""
 
 LEAST_FACTOR = 1.4
 """Units closer than this [1], such as foot-pounds and newton metres, are no matter of figures that
@@ -271,8 +283,7 @@ def unit_suspected(record: Record, motor: Motor) -> Iterator[Finding]:
     severity: Severity = "error" if likely > ERROR else "warning"
     left = MILDER[severity]
     if not named:
-        others = (one for check in ALSO_SAID for one in check(record, motor))
-        if liquid > else_ or any(one.severity == "error" for one in others):
+        if liquid > else_ or _is_impossible(record, motor):
             return  # no unit, but the cooling, or what another check names
         consistent = (
             "No other unit of a single column resolves the contradiction; fitted parameters may be "
@@ -280,32 +291,48 @@ def unit_suspected(record: Record, motor: Motor) -> Iterator[Finding]:
         )
         remedy = "Check the columns and their units, and sink and losses in the motor file."
     else:
-        if record.decided.issuperset(name for one in named for name in one.units):
+        units = {name for one in named for name in one.units}
+        if not units:  # nobody can answer: refused is only what is impossible as it was read
+            severity = "error" if _is_impossible(record, motor) else "warning"
+        elif record.decided.issuperset(units):
             severity = left
         consistent = f"The channels are consistent if {', or if '.join(map(supposed, named))}."
         remedy = " ".join([_remedy(named, record, left), *_or_else(record, motor, beyond)])
-    is_copper = [figure.id for figure in beyond] == ["copper_share"]
-    if severity != "error" and is_copper and any(losses_below_copper(record, motor)):
-        return  # the check of that name tells it
+    if {figure.id for figure in beyond} <= OF_COPPER:
+        more = (losses_of_dc_link, *(() if severity == "error" else OF_COPPER_TOO))
+        if any(one.severity != "note" for check in more for one in check(record, motor)):
+            return  # which tells more
     values = {name: value for figure in beyond for name, value in figure.values.items()}
+    factors: dict[str, float] = {}
+    for one in named:
+        factors.setdefault(one.name, one.factor)
     yield Finding(
         "unit_suspected",
         severity,
         " ".join([*(figure.sentence for figure in beyond), consistent]),
         place(record, beyond[0].channels[0], float(samples(record)[0][0])),
         remedy,
-        values=values | {one.name: one.factor for one in named},
+        values=values | factors,
     )
+
+
+def _is_impossible(record: Record, motor: Motor) -> bool:
+    """Return whether another check forbids the record as it was read."""
+    found = (one for check in ALSO_SAID for one in check(record, motor))
+    return any(one.severity == "error" for one in found)
 
 
 def read_otherwise(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Motor]:
     """Return record and motor as the unit that a finding of `unit_suspected` asks about makes them.
 
-    It is the first of its suppositions; both are as they are where it has none.
+    It is the first of its suppositions; both are as they are where it has none, and where the motor
+    file has answered.
     """
-    likely = next((name for name in finding.values if name.startswith("factor_")), None)
+    likely = next((item for item in finding.values.items() if item[0].startswith("factor_")), None)
     for one in other_readings(record, motor):
-        if one.name == likely:
+        if (one.name, one.factor) == likely and not (
+            one.units and record.decided.issuperset(one.units)
+        ):
             return one.record, one.motor
     return record, motor
 
@@ -355,7 +382,7 @@ def _remedy(named: Sequence[OtherReading], record: Record, left: str) -> str:
         words.append(
             'if the time column counts samples, write time_s = "rate 10 Hz" with the logger\'s rate'
         )
-    told = f"If so, {'; or '.join(words)}."
+    told = f"If so, {'; or '.join(dict.fromkeys(words))}."
     readings = (reading for one in named for reading in one.readings)
     stays = next((one for one in readings if one.channel not in record.decided), None)
     if stays is None:

@@ -278,8 +278,11 @@ class FreeColumn:
     @property
     def is_unknown(self) -> bool:
         """Nothing but its course says what it is."""
-        # "log 1", the first column of a matrix, is no share
-        is_named = any(one.score or one.unit != "1" for one in self.proposals)
+        # "log 1", the first column of a matrix, is no share, nor is what no machine survives its
+        # temperature
+        is_beyond = self.course is not None and self.course.low > HOTTEST
+        named = (one for one in self.proposals if not (is_beyond and one.unit == "degC"))
+        is_named = any(one.score or one.unit != "1" for one in named)
         is_named |= bool(read_name(self.name).meanings & {"other_quantity", "bookkeeping"})
         return not (is_named or self.unit or self.remark) and self.course is not None
 

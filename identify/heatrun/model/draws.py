@@ -146,7 +146,10 @@ class PlausibleEffects:
         # all that the test allows: another test takes the same program
         kinds = [each.kind for each in self.effects if not lacking(each.kind, test)]
         shift = _differences(model, motor, test, [self.effects[index] for index in used], kinds)
-        size = self.size[:, used]
+        # of an effect with which the machine runs away in this test, no more is known
+        holds = np.all(np.abs(shift.reading) < 0.5 * ABSURD, axis=1)
+        shift = jax.tree.map(lambda rows: rows[holds], shift)
+        size = self.size[:, used][:, holds]
 
         def added(draws: np.ndarray, by_effect: np.ndarray) -> np.ndarray:
             return draws + size @ by_effect
@@ -232,6 +235,9 @@ def _differences(
     return jax.tree.map(lambda each: each[0::2] - each[1::2], means)
 
 
+ABSURD = 1e9
+"""No reading and no error over its noise is larger [K or 1]: the march has left the numbers."""
+
 AT_A_TIME, OF_LONG = 50, 10
 """Draws that are simulated side by side, and those of a long test; there are as many, or a multiple
 of them."""
@@ -268,7 +274,8 @@ def courses(
              for name, draws in values.items()}  # fmt: skip
     padded = test.observation().padded(is_seldom=True).simulated()
     found = _courses(model, whole, padded)
-    reading = test.own(np.asarray(found.reading)[:num], axis=1)
+    # beyond the numbers, how far says nothing, and its square is none
+    reading = test.own(np.clip(np.asarray(found.reading)[:num], -ABSURD, ABSURD), axis=1)
     leaves, tree = jax.tree.flatten(found._replace(reading=()))
     del found
     for place, rows in enumerate(leaves):  # one by one: of a long test each takes some megabytes

@@ -28,7 +28,7 @@ from lptn import growth_rate, longest_step
 from ..errors import InputError
 from ..io.programs import compiled
 from ..model.bodies import told_bodies
-from ..model.draws import simulated
+from ..model.draws import ABSURD, simulated
 from ..model.model import Model, change_name
 from ..model.model_parameters import COLD_START_K
 from ..model.noise import Loggers, Noise, scales_of, whiten
@@ -45,9 +45,6 @@ if TYPE_CHECKING:
 STABLE = 2.5
 """Longest step over `lptn.longest_step` at which the march is stable [1]; beyond it the likelihood
 of a network is nothing."""
-
-ABSURD = 1e9
-"""No reading and no error over its noise is larger [K or 1]: the march has left the numbers."""
 
 
 def too_stiff(

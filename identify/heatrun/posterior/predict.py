@@ -15,7 +15,7 @@ from ..io.programs import compiled
 from ..model import noise as noise_module
 from ..model.bodies import BodyCourse, body_courses, own_errors, own_name, told_bodies
 from ..model.discrepancy import heat_columns
-from ..model.draws import AT_A_TIME, Draws, PlausibleEffects, courses, of_network
+from ..model.draws import ABSURD, AT_A_TIME, Draws, PlausibleEffects, courses, of_network
 from ..model.model import Model
 from ..model.model_parameters import parameters
 from ..model.noise import Noise, scales_of
@@ -24,7 +24,7 @@ from ..record.balance_errors import together
 from ..record.blocks import Blocks
 from ..record.observation import Observation
 from ..results.values import Role
-from .driven import ABSURD, refuse_unstable, start_draws
+from .driven import refuse_unstable, start_draws
 
 if TYPE_CHECKING:
     from .posterior import Posterior

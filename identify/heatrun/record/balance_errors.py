@@ -312,16 +312,26 @@ def excess_of_shaft(record: Record, motor: Motor) -> float | None:
     _, squared, speed, losses, power = block_means(
         time_s, BLOCK_S, squared, np.abs(speed), losses, power
     )
-    if speed.size < 2 * NUM_PARTS:
-        return None
     known = np.stack([np.ones(speed.size), squared, speed, speed**2], axis=1)
-    columns = np.column_stack([known, power])
-    columns = columns / np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
-    if _square(columns[:, :-1], columns[:, -1]) < LEAST_APART * speed.size:
+    told = told_beside(known, power, losses)
+    return told[0] if told is not None and told[0] - SIGMAS * told[1] > LARGEST_GAIN else None
+
+
+def told_beside(
+    known: Float[np.ndarray, "block column"], column: Blocks, values: Blocks
+) -> tuple[float, float] | None:
+    """Return the weight of a column in values beside what is known, and its spread without each
+    part of the test; None where the known columns tell this one.
+    """
+    columns = np.column_stack([known, column])
+    scale = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
+    columns = columns / scale
+    if column.size < 2 * NUM_PARTS:
         return None
-    scale = max(float(np.sqrt(np.mean(power**2))), 1e-300)
-    excess, spread = (float(each[-1]) / scale for each in _by_parts(columns, losses))
-    return excess if excess - SIGMAS * spread > LARGEST_GAIN else None
+    if _square(columns[:, :-1], columns[:, -1]) < LEAST_APART * column.size:
+        return None
+    weight, spread = (float(each[-1] / scale[-1]) for each in _by_parts(columns, values))
+    return weight, spread
 
 
 def _words(name: str, error: float) -> str:

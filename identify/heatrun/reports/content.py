@@ -229,9 +229,6 @@ ASKED = re.compile(
 )
 """Names of figures that `--rating` asks for."""
 
-TIMES = re.compile(r"tau_(?P<which>\w+?)(?P<fed>_feedback)?_s")
-"""Names of time constants that have no text of their own."""
-
 
 def _named(figure: str, say: Texts) -> str:
     """Return a derived figure in words; one that the table lacks, such as of a node, by its key."""
@@ -242,20 +239,17 @@ def _named(figure: str, say: Texts) -> str:
         if start in ("cold", "hot"):
             load = say(f"asked_{start}", load=asked)
         return say(f"figure_{what}", load=load.replace("_", " "))
-    if key not in table() and (found := TIMES.fullmatch(figure)):
-        kind = "number" if found["which"].isdigit() else "node"
-        return say(f"figure_tau_{kind}{found['fed'] or ''}", which=found["which"].replace("_", " "))
     return say(key) if key in table() else figure
 
 
 def _derived(model: FittedModel, say: Texts) -> list[list[str]]:
     """Return name, value, condition and interval of each figure that page 1 has not; those that
-    have no value for one reason in one row.
+    have no value for one reason in one row. Time constants beside its two are in the workbook.
     """
     rows: list[list[str]] = []
     above = page_figures(model)
     for key, entry in model.derived.items():
-        if key in above or key.endswith((LOADED, AT_REST)):
+        if key in above or key.endswith((LOADED, AT_REST)) or key.startswith("tau_"):
             continue
         name, said = _named(key, say), _stated(entry, say)
         if known(entry.refused) and rows and rows[-1][1:] == said:

@@ -11,10 +11,9 @@ from jaxtyping import Float
 from scipy.optimize import least_squares
 
 from ..model.bodies import OWN, own_name
-from ..model.draws import block_means
+from ..model.draws import ABSURD, block_means
 from ..model.model import Model
 from ..model.parameters import Parameter
-from ..posterior.driven import ABSURD
 from ..posterior.predict import Prediction
 from ..record.blocks import Blocks
 from ..record.observation import Observation
