@@ -22,6 +22,12 @@ def test_a_fast_machine_at_rest_on_a_rounded_reading_is_not_clipped(tmp_path):
     ]
 
 
+@pytest.mark.parametrize("seed", [1006, 1009])
+def test_an_amplitude_is_named_where_a_scale_of_the_power_would_do_as_well(tmp_path, seed):
+    """Nobody answers for a scale in [columns]: the check that lists all causes tells it."""
+    assert is_named(run({"accident": "peak in place of rms", "seed": seed}, tmp_path))
+
+
 def test_another_moment_or_another_finding_is_not_named():
     found = ["sensor_detached", "error", "To leave its readings out: mask = [[1, 2]].", 900.0]
     row = {"accident": "sensor falls off", "seed": 1, "at_s": 900.0, "findings": [found]}

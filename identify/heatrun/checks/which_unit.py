@@ -299,7 +299,9 @@ def unit_suspected(record: Record, motor: Motor) -> Iterator[Finding]:
         consistent = f"The channels are consistent if {', or if '.join(map(supposed, named))}."
         remedy = " ".join([_remedy(named, record, left), *_or_else(record, motor, beyond)])
     if {figure.id for figure in beyond} <= OF_COPPER:
-        more = (losses_of_dc_link, *(() if severity == "error" else OF_COPPER_TOO))
+        # an error of a unit asks for an answer in [columns]; of nothing else there is none
+        is_asked = severity == "error" and any(one.units for one in named)
+        more = (losses_of_dc_link, *(() if is_asked else OF_COPPER_TOO))
         if any(one.severity != "note" for check in more for one in check(record, motor)):
             return  # which tells more
     values = {name: value for figure in beyond for name, value in figure.values.items()}
