@@ -196,7 +196,8 @@ def test_a_widened_parameter_says_what_by(posterior, described):
     assert not [row for row in entry.budget if row.source == UNDECIDED]
     low, high = entry.interval_95
     apart = np.linspace(low - 4.0 * entry.sd, high + 4.0 * entry.sd, 100)
-    wider = DrawValues(posterior.fit.problem.model, {"Req_w": apart}, ())
+    values = {name: np.full(100, np.median(each)) for name, each in posterior.values().items()}
+    wider = DrawValues(posterior.fit.problem.model, values | {"Req_w": apart}, ())
     wide = describe_model(posterior, [], [], undecided=wider).parameters["Req_w"]
     row = row_of(wide.budget, UNDECIDED)
     assert row.contribution == pytest.approx(np.sqrt(wide.sd**2 - entry.sd**2))

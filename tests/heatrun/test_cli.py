@@ -236,9 +236,9 @@ if len(sys.argv) > 1:
     return_large_arrays()
 np.ones(4_000_000)  # freed: by default as much is kept from now on
 before = held_MB()
-rows = [np.ones(1_000_000 + more) for more in range(40)]
-between = [np.ones(2000) for _ in range(40)]
-del rows
+both = [(np.ones(1_000_000 + more), np.ones(10_000)) for more in range(40)]
+between = [few for _, few in both]
+del both
 print(held_MB() - before)
 """
 

@@ -185,7 +185,7 @@ def test_four_numbers_alone_are_labelled_and_tell_their_error(folder, fit):
     low, high = (at[f"Req_sr_{where}"]["value"] for where in ("loaded", "at_rest"))
     assert 0.9 * low < replica["parameters"]["Req_sr"] < 1.1 * high
     sheet = json.loads((folder / "sheet.json").read_text())
-    assert "Replica for tools that take four numbers, not a result" in sheet["replica"]
+    assert "Replica for tools that take four numbers, no result" in sheet["replica"]
     line = sheet["residuals"]["rows"][0]
     assert line[2] == f"{row['rmse_K']:.2f}"
     assert line[-1] == f"{replica['rmse_K'][row['test']]:.2f}"

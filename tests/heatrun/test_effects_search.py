@@ -12,7 +12,7 @@ from hidden_machines import machine
 from heatrun.discovery.discovery import Adequacy, verdict
 from heatrun.effects import engine as engine_module
 from heatrun.effects import search as search_module
-from heatrun.effects.engine import Candidate, Engine, white
+from heatrun.effects.engine import Candidate, Engine, library, white
 from heatrun.effects.found import as_fit, asked_findings, find, with_catalogue
 from heatrun.effects.linear import Linear, evidence
 from heatrun.effects.search import Search, neighbours
@@ -274,6 +274,26 @@ def test_an_event_in_two_tests_is_in_both(two):
     fit = as_fit(search, search.fitted[frozenset(library.candidates)], model)
     free = {slot.name for slot in fit.slots}
     assert {f"cooling_step.k[{test.name}]" for test in tests} <= free
+
+
+def test_a_channel_that_one_test_lacks_is_told_with_the_effects_that_it_keeps_out(searched):
+    """A locked rotor recorded without a speed kept the fan of all tests out, in silence."""
+    test = searched.search.engine.tests[0]
+    locked = replace(
+        test, name="locked", means={k: v for k, v in test.means.items() if k != "speed"}
+    )
+    network = searched.search.engine.problem.model.topology()
+    assert library(EFFECTS, network, [test]).in_some == {}
+    assert library(EFFECTS, network, [locked]).in_some == {}
+    both = library(EFFECTS, network, [test, locked])
+    ((channel, without),) = both.in_some
+    assert (channel, without) == ("speed_rpm", ("locked",))
+    assert "speed_cooling" in both.in_some[channel, without]
+    assert "speed_cooling" in both.unavailable
+    finding = asked_findings(replace(searched, library=both), is_plain=False)[0]
+    assert finding.id == "channel_in_some_tests"
+    assert "locked has no speed_rpm" in finding.message
+    assert "speed_rpm under [constants]" in finding.remedy
 
 
 def test_what_tests_do_not_tell_apart_widens_the_intervals(searched):

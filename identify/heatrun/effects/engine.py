@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from zlib import crc32
 
@@ -494,6 +494,9 @@ class Library:
     kinds: tuple[type[AbstractEffect], ...]  # Effects that the tests have the inputs for, in order.
     candidates: tuple[Candidate, ...]  # These as candidates.
     unavailable: dict[str, str]  # Reason by id why an effect is not searched.
+    # Ids of the effects that a channel of some of the tests keeps out, by channel and by the names
+    # of the tests that lack it.
+    in_some: dict[tuple[str, tuple[str, ...]], tuple[str, ...]] = field(default_factory=dict)
 
 
 def library(
@@ -514,10 +517,16 @@ def library(
     num_events = len(tests) if num_events is None else num_events
     usable: list[type[AbstractEffect]] = []
     unavailable: dict[str, str] = {}
+    in_some: dict[tuple[str, tuple[str, ...]], tuple[str, ...]] = {}
     for kind in kinds:
         missing = dict.fromkeys(channel for test in tests for channel in lacking(kind, test))
         if missing:
             unavailable[kind.card.id] = f"needs the channel {', '.join(missing)} in every test"
+            for channel in missing:
+                without = tuple(test.name for test in tests if channel in lacking(kind, test))
+                if len(without) < len(tests):
+                    key = channel, without
+                    in_some[key] = (*in_some.get(key, ()), kind.card.id)
         elif kind.card.is_at_once and not any(test.jumps_with_load for test in tests):
             unavailable[kind.card.id] = "the samples do not jump as the load steps"
         elif not kind.fits(network):
@@ -534,7 +543,7 @@ def library(
             candidates += [Candidate(kind, index) for index in range(num_events)]
         else:
             candidates.append(Candidate(kind))
-    return Library(tuple(usable), tuple(candidates), unavailable)
+    return Library(tuple(usable), tuple(candidates), unavailable, in_some)
 
 
 def without_resistance(kinds: Sequence[type[AbstractEffect]], motor: Motor) -> dict[str, str]:

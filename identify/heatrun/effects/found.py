@@ -211,8 +211,9 @@ def asked_findings(found: Found, *, is_plain: bool) -> list[Finding]:
         found: The search.
         is_plain: Whether the network was left without them.
     """
+    lacking = _in_some_tests(found)
     if not found.core.effects:
-        return []
+        return lacking
     alone, chosen = found.fits
     problem = chosen.problem
     told = ", ".join(
@@ -222,13 +223,14 @@ def asked_findings(found: Found, *, is_plain: bool) -> list[Finding]:
     gap = f"error {before:.2f} K without, {after:.2f} K with"
     if is_plain:
         return [
+            *lacking,
             Finding(
                 id="effects_left_out",
                 severity="warning",
                 message=f"the tests ask for {told}, which --plain leaves out: {gap} them.",
                 where=problem.label,
                 remedy="Calibrate without --plain.",
-            )
+            ),
         ]
     beside = ""
     if found.allowed_for:
@@ -253,6 +255,7 @@ def asked_findings(found: Found, *, is_plain: bool) -> list[Finding]:
         if (tied := found.tied(each))
     ]
     return [
+        *lacking,
         *ambiguous,
         Finding(
             id="effects_in_model",
@@ -261,6 +264,22 @@ def asked_findings(found: Found, *, is_plain: bool) -> list[Finding]:
             where=problem.label,
             remedy="Use the parameters together with the effects; --plain calibrates without.",
         ),
+    ]
+
+
+def _in_some_tests(found: Found) -> list[Finding]:
+    """Return which channels some of the tests lack, so that no test is searched for effects."""
+    return [
+        Finding(
+            id="channel_in_some_tests",
+            severity="warning",
+            message=f"{', '.join(without)} has no {channel}, which other tests have: effects that "
+            f"need it are sought in none ({', '.join(ids)}).",
+            where=found.fits[1].problem.label,
+            remedy=f"State it: {channel} under [constants] holds for a test that has no such "
+            "column (a speed is 0 where the rotor stood). Or calibrate without that test.",
+        )
+        for (channel, without), ids in found.library.in_some.items()
     ]
 
 
