@@ -203,15 +203,16 @@ def ambient_implausible(record: Record, motor: Motor) -> Iterator[Finding]:
         )
         return
     for body in ("winding_degC", *BODIES):
-        time_s, sink, warm, losses = samples(heated, channel, body, "losses_W")
+        is_winding = body == "winding_degC"
+        time_s, sink, T, losses = samples(heated, channel, body, "losses_W")
         loaded = is_loaded(losses)
-        below = float(np.median((warm - sink)[loaded])) if loaded.any() else 0.0
-        is_exchanged = bool(loaded.any() and np.ptp(warm) < ROOM_SHARE * np.ptp(sink))
-        if not below < -SINK_ABOVE_K or not (is_exchanged or body == "winding_degC"):
+        below = float(np.median((T - sink)[loaded])) if loaded.any() else 0.0
+        is_exchanged = bool(loaded.any() and np.ptp(T) < ROOM_SHARE * np.ptp(sink))
+        if not below < -SINK_ABOVE_K or not (is_exchanged or is_winding):
             continue
-        fallen = float(warm[0] - np.median(warm[loaded]))
+        fallen = float(T[0] - np.median(T[loaded]))
         is_mirrored = not is_exchanged and max(SINK_ABOVE_K, float(np.ptp(sink))) < fallen
-        name = "the winding" if body == "winding_degC" else body
+        name, it = ("the winding", "the loaded winding") if is_winding else (body, "it")
         cause = ", which stays as it is: the two columns are exchanged." * is_exchanged
         cause += ": it falls as the load comes, so its two wires are exchanged." * is_mirrored
         remedy = "Check whether the two columns are exchanged."
@@ -223,12 +224,11 @@ def ambient_implausible(record: Record, motor: Motor) -> Iterator[Finding]:
             "ambient_implausible",
             "error",
             f"Expected {name} above {channel} under load; it is {-below:.1f} K below. Heat would "
-            f"flow from the sink into {'the loaded winding' if 'the' in name else 'it'}"
-            + (cause or "."),
+            f"flow from the sink into {it}{cause or '.'}",
             place(record, channel if not cause else body, *map(float, time_s[loaded][[0, -1]])),
             remedy,
             values={"winding_above_sink_K": below, "is_exchanged": is_exchanged}
-            | ({"mirrored_about_degC": float(warm[0])} if is_mirrored else {}),
+            | ({"mirrored_about_degC": float(T[0])} if is_mirrored else {}),
         )
         return
     low, high = PLAUSIBLE_DEGC[channel]

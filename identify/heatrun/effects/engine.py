@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from zlib import crc32
 
@@ -31,7 +31,7 @@ from ..fit.restricted import MANY
 from ..io.programs import compiled
 from ..model import noise as noise_module
 from ..model.catalogue import lacking, unplaced
-from ..model.draws import is_long
+from ..model.draws import side_by_side
 from ..model.kernels import at_once
 from ..model.model import Model
 from ..model.model_parameters import machine_size
@@ -104,7 +104,7 @@ class Engine:
         self._padded = [test.observation().padded().simulated() for test in problem.tests]
         self._is_observed = problem.is_observed
         self.kinds = {kind.card.id: kind for kind in problem.model.effects}
-        self._lanes = OF_LONG if any(map(is_long, self._padded)) else LANES
+        self._lanes = side_by_side(self._padded, LANES, OF_LONG)
         self._size = machine_size(problem.model, problem.motor, problem.tests)
         self._nulls = [self._null(slot.parameter) for slot in self.slots]
 
@@ -496,7 +496,7 @@ class Library:
     unavailable: dict[str, str]  # Reason by id why an effect is not searched.
     # Ids of the effects that a channel of some of the tests keeps out, by channel and by the names
     # of the tests that lack it.
-    in_some: dict[tuple[str, tuple[str, ...]], tuple[str, ...]] = field(default_factory=dict)
+    in_some: dict[tuple[str, tuple[str, ...]], tuple[str, ...]]
 
 
 def library(
@@ -519,12 +519,13 @@ def library(
     unavailable: dict[str, str] = {}
     in_some: dict[tuple[str, tuple[str, ...]], tuple[str, ...]] = {}
     for kind in kinds:
-        missing = dict.fromkeys(channel for test in tests for channel in lacking(kind, test))
+        lacks = {test.name: lacking(kind, test) for test in tests}
+        missing = dict.fromkeys(channel for of_test in lacks.values() for channel in of_test)
         if missing:
             unavailable[kind.card.id] = f"needs the channel {', '.join(missing)} in every test"
             for channel in missing:
-                without = tuple(test.name for test in tests if channel in lacking(kind, test))
-                if len(without) < len(tests):
+                without = tuple(name for name, of_test in lacks.items() if channel in of_test)
+                if len(without) < len(lacks):
                     key = channel, without
                     in_some[key] = (*in_some.get(key, ()), kind.card.id)
         elif kind.card.is_at_once and not any(test.jumps_with_load for test in tests):

@@ -205,15 +205,19 @@ def find(
 
 
 def asked_findings(found: Found, *, is_plain: bool) -> list[Finding]:
-    """Return what is to be said of the effects that tests ask for.
+    """Return what is to be said of the effects that tests ask for, and of those kept out.
 
     Args:
         found: The search.
         is_plain: Whether the network was left without them.
     """
-    lacking = _in_some_tests(found)
+    return [*_in_some_tests(found), *_of_the_core(found, is_plain=is_plain)]
+
+
+def _of_the_core(found: Found, *, is_plain: bool) -> list[Finding]:
+    """Return what is said of the effects that are named."""
     if not found.core.effects:
-        return lacking
+        return []
     alone, chosen = found.fits
     problem = chosen.problem
     told = ", ".join(
@@ -223,7 +227,6 @@ def asked_findings(found: Found, *, is_plain: bool) -> list[Finding]:
     gap = f"error {before:.2f} K without, {after:.2f} K with"
     if is_plain:
         return [
-            *lacking,
             Finding(
                 id="effects_left_out",
                 severity="warning",
@@ -255,7 +258,6 @@ def asked_findings(found: Found, *, is_plain: bool) -> list[Finding]:
         if (tied := found.tied(each))
     ]
     return [
-        *lacking,
         *ambiguous,
         Finding(
             id="effects_in_model",

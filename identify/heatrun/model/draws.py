@@ -9,7 +9,7 @@ What it says, its courses, are readings, node temperatures and heat flows, simul
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -246,9 +246,9 @@ LONG = 20_000
 """Steps from which on a test is long: more lanes of it take hundreds of megabytes [1]."""
 
 
-def is_long(test: Observation) -> bool:
-    """Return whether few draws of a test are worked out side by side."""
-    return test.weight.size >= LONG
+def side_by_side(tests: Iterable[Observation], usual: int, of_long: int) -> int:
+    """Return how many lanes of tests are worked out side by side: few where one is long."""
+    return of_long if any(test.weight.size >= LONG for test in tests) else usual
 
 
 class Courses(NamedTuple):
@@ -273,14 +273,11 @@ def courses(
     whole = {name: np.pad(draws, (0, -num % AT_A_TIME), mode="edge")
              for name, draws in values.items()}  # fmt: skip
     padded = test.observation().padded(is_seldom=True).simulated()
-    found = _courses(model, whole, padded)
+    found = jax.tree.map(lambda rows: np.asarray(rows)[:num], _courses(model, whole, padded))
+    of_each = jax.tree.map(lambda rows: test.winding.own(rows, axis=1), found._replace(reading=()))
     # beyond the numbers, how far says nothing, and its square is none
-    reading = test.own(np.clip(np.asarray(found.reading)[:num], -ABSURD, ABSURD), axis=1)
-    leaves, tree = jax.tree.flatten(found._replace(reading=()))
-    del found
-    for place, rows in enumerate(leaves):  # one by one: of a long test each takes some megabytes
-        leaves[place] = test.winding.own(np.asarray(rows)[:num], axis=1)
-    return jax.tree.unflatten(tree, leaves)._replace(reading=reading)
+    reading = np.clip(found.reading, -ABSURD, ABSURD)
+    return of_each._replace(reading=test.own(reading, axis=1))
 
 
 @compiled("model")
@@ -312,4 +309,4 @@ def _courses(model: Model, values: dict[str, Float[Array, " draw"]], test: Obser
             flows={n: means(P) for n, P in trace.flow.items()},
         )
 
-    return jax.lax.map(one, values, batch_size=OF_LONG if is_long(test) else AT_A_TIME)
+    return jax.lax.map(one, values, batch_size=side_by_side((test,), AT_A_TIME, OF_LONG))

@@ -35,7 +35,7 @@ from scipy.special import logsumexp
 from ..fit.fit_result import Fit
 from ..fit.restricted import inner_products
 from ..io.programs import compiled
-from ..model.draws import is_long
+from ..model.draws import side_by_side
 from ..model.kernels import Kernels, at_once, in_batches, log_student, student
 from ..model.noise import LARGEST_SCORES
 from ..model.problem import NUM_NOISE, Data, Structure, linearise, residuals
@@ -335,7 +335,7 @@ class Rto:
 
     @property
     def _at_a_time(self) -> int:
-        return OF_LONG if any(map(is_long, self.fit.problem.readings)) else AT_A_TIME
+        return side_by_side(self.fit.problem.readings, AT_A_TIME, OF_LONG)
 
     def _linear(self, noise_z: Float[np.ndarray, "draw noise"]) -> _Linear:
         """Return what the linear model says of noises."""

@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from scipy.special import logsumexp
 
 from ..fit.fit_result import Fit
-from ..model.draws import is_long
+from ..model.draws import side_by_side
 from ..model.kernels import in_batches
 from ..model.problem import log_posterior_batch
 
@@ -215,7 +215,7 @@ def truncated(weights: Float[np.ndarray, " draw"]) -> Float[np.ndarray, " draw"]
 def evaluate(fit: Fit, vectors: Float[np.ndarray, "draw all"]) -> Float[np.ndarray, " draw"]:
     """Return the log posterior of many vectors."""
     structure, data = fit.problem.structure, fit.problem.data
-    size = OF_LONG if any(map(is_long, data.tests)) else BATCH
+    size = side_by_side(data.tests, BATCH, OF_LONG)
     return in_batches(partial(log_posterior_batch, structure, data), vectors, size)
 
 
