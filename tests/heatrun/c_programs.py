@@ -44,10 +44,12 @@ LEAD_OHM = 0.0004
 
 @cache
 def half_hour():
-    """The bundled duty's first half hour, with a fan and a coolant."""
+    """The bundled duty's first half hour, with a fan, a coolant, and a locked rotor for a while."""
     record = read_record(DATA / "duty_30min.csv.gz", MACHINE)
     waves = 0.5 + 0.5 * np.sin(record.time_s / 200.0)
     further = {"fan": waves, "coolant_degC": 30.0 + 5.0 * waves}
+    turns = (record.time_s < 300.0) | (record.time_s > 500.0)
+    further["speed_rpm"] = np.where(turns, record["speed_rpm"], 0.0)
     return Record(record.name, {**record.channels, **further})
 
 

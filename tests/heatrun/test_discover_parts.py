@@ -289,7 +289,7 @@ def test_an_instrument_far_beyond_its_prior_is_refitted_where_it_is(generator, m
     usable, extended = with_catalogue(model, motor, tests, all_effects())
     engine = Engine(Problem.of(extended, motor, tests, searched=usable.kinds))
     z, order = placed(engine, found)
-    engine = engine.with_loggers(found.problem.loggers).with_heat(found.problem.heat)
+    engine = engine.with_noise_of(found.problem)
     again = engine.refit(z, order, found.noise)
     assert again.z[order[gain]] < -10.0
     before, after = (np.sqrt(np.mean(rows**2))

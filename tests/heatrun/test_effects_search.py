@@ -16,8 +16,12 @@ from heatrun.effects.engine import Candidate, Engine, library, white
 from heatrun.effects.found import as_fit, asked_findings, find, with_catalogue
 from heatrun.effects.linear import Linear, evidence
 from heatrun.effects.search import Search, neighbours
+from heatrun.fit.fit import fit
 from heatrun.model.model import Model
+from heatrun.model.noise import scale_of
 from heatrun.model.problem import Problem
+from heatrun.record.record import Record
+from heatrun.record.reduction import reduce
 from lptn import EFFECTS
 from lptn.effects.bodies import HousingNode, NeighbourBody
 from lptn.effects.heat_paths import AmbientDrift, CoolingStep, NaturalConvection, Radiation
@@ -97,6 +101,28 @@ def test_what_the_line_of_the_sensor_picks_up_is_no_fast_body(hidden_bench):
     largest = np.max(case.tests[0].columns["phase_current_A"])
     rated_A = float(staircase.means["rated_current"])
     assert values["sensor_pickup.p"] == pytest.approx(6.0 * rated_A / largest, rel=0.1)
+
+
+def test_the_noise_of_loggers_is_told_by_the_network_with_its_effects(hidden_bench):
+    """That of the network alone holds what it misses, which is of another size in each test."""
+    case, motor, _, _ = machine(hidden_bench, ("speed_cooling", "sensor_lag"), 43, amplitude=1.0)
+    made = [each for each in case.tests if each.role == "calibration"]
+    coarse = dict(made[1].columns)
+    read = np.asarray(coarse["winding_degC"])
+    noisy = read + 0.5 * np.random.default_rng(3).standard_normal(read.size)
+    coarse["winding_degC"] = 0.5 * np.rint(noisy / 0.5)
+    tests = [reduce(Record(name, columns), motor)
+             for name, columns in (("fine", made[0].columns), ("coarse", coarse))]  # fmt: skip
+    model = Model.of("second", motor).scaled(motor, tests)
+    alone = fit(Problem.of(model, motor, tests))
+    found = find(model, motor, [model.with_bodies(test) for test in tests], start=alone)
+    assert set(found.ids) == {"speed_cooling", "sensor_lag"}
+
+    def ratio(fitted):
+        fine, noisy = (scale_of(fitted.problem.loggers, test.loggers[0]) for test in tests)
+        return noisy / fine
+
+    assert ratio(found.fit) > 1.5 > ratio(alone)
 
 
 @pytest.fixture(scope="module")
@@ -183,7 +209,7 @@ def test_the_linear_evidence_is_that_of_a_fit_near_by(search):
     assert linear.log_evidence(effects) == pytest.approx(centre.log_evidence, abs=1e-6)
     more = next(s for s in neighbours(effects, search.candidates)
                 if len(s) == 3 and any(each.id == "ambient_drift" for each in s))  # fmt: skip
-    fitted = search.fit(more, linear.scores(more), centre.noise_z)
+    fitted = search.fit(more, linear.scores(more), centre)
     # its noise is its own, which gains at most a little
     assert linear.log_evidence(more) == pytest.approx(fitted.log_evidence, abs=1.5)
 
@@ -301,7 +327,7 @@ def test_what_tests_do_not_tell_apart_widens_the_intervals(searched):
     core = searched.core
     lag = next(each for each in core.effects if each.id == "sensor_lag")
     other = next(each for each in searched.library.candidates if each.id == "time_shift")
-    rival = searched.search.fit(core.effects - {lag} | {other}, core.z, core.noise_z)
+    rival = searched.search.fit(core.effects - {lag} | {other}, core.z, core)
     assert searched.undecided() is None
     tied = replace(searched, around={core.effects: 0.5, rival.effects: 0.5})
     assert [each.id for each in tied.tied(lag)] == ["time_shift"]

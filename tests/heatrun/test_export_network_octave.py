@@ -53,7 +53,7 @@ CLOSE_K = 1e-3
 
 def record(step=1.5, num=401):
     t = step * np.arange(num)
-    runs = (t // 60) % 2 == 0
+    runs, turns = (t // 60) % 2 == 0, np.clip(t / 20 - 3, 0, 1)
     return Record(
         "short",
         {
@@ -62,7 +62,7 @@ def record(step=1.5, num=401):
             "losses_W": np.where(runs, 1000.0, 100.0),
             "ambient_degC": 22.0 + 0.002 * t,
             "coolant_degC": 25.0 + 10.0 * np.clip((t - 200.0) / 20.0, 0, 1),
-            "speed_rpm": 3000.0 * (1.0 + 1.4 * np.sign(np.sin(t / 70.0))) * np.clip(t / 20, 0, 1),
+            "speed_rpm": 3000.0 * (1.0 + 1.4 * np.sign(np.sin(t / 70.0))) * turns,
             "fan": np.where((t > 100.0) & (t < 400.0), 1.0, 0.2),
             "winding_degC": np.where(t % 7.0 < 1.0, np.nan, 60.0 + 0.03 * t),
         },

@@ -199,16 +199,37 @@ def test_a_housing_is_a_ladder_as_seen_from_the_winding(network, losses, short):
     np.testing.assert_allclose(housing, expected.temperature["housing"], atol=1e-5)
 
 
+def rotor_got(trace, inputs, P, rise, tau):
+    """Heat that a rotor has kept and handed on [J]."""
+    kept = P * tau / rise * float(trace.temperature["rotor"][-1] - 20.0)
+    return kept - float(np.sum(trace.flow["stator", "rotor"]) * inputs.step)
+
+
 def test_the_rotor_hands_on_what_it_gets(network, losses, short):
     values = {"P": 300.0, "rise": 40.0, "tau": 300.0, "n": 1.5, "m": 0.6}
     _, trace = course(network, losses, short, "rotor_node", values)
     drive = short.drive()
-    rate = np.asarray(drive.speed) ** 1.5 * (0.4 + 0.6 * np.asarray(drive.current_ratio_squared))
+    speed, load = np.asarray(drive.speed), np.asarray(drive.current_ratio_squared)
+    rate = 0.4 * speed**1.5 + 0.6 * load * np.maximum(speed, 0.01) ** 1.5
     got = 300.0 * float(np.sum(rate) * short.step)
-    kept = 300.0 * 300.0 / 40.0 * float(trace.temperature["rotor"][-1] - 20.0)
-    given = -float(np.sum(trace.flow["stator", "rotor"]) * short.step)
-    assert got == pytest.approx(kept + given, rel=1e-9)
-    assert given > 0.0
+    assert rotor_got(trace, short, 300.0, 40.0, 300.0) == pytest.approx(got, rel=1e-9)
+    assert -float(np.sum(trace.flow["stator", "rotor"])) > 0.0
+
+
+@pytest.mark.parametrize(("n", "least", "most"), [(0.05, 0.75, 0.85), (1.5, 0.0, 0.01)])
+@pytest.mark.parametrize("load", [0.0, 1.0])
+def test_a_locked_rotor_has_the_heat_of_a_cage_and_none_of_magnets(
+    network, losses, short, n, least, most, load
+):
+    """Over that at rated speed and current."""
+    values = {"P": 300.0, "rise": 40.0, "tau": 300.0, "n": n, "m": 1.0}
+    still = jnp.zeros_like(short.speed)
+    locked = eqx.tree_at(
+        lambda i: (i.speed, i.current_squared), short, (still, still + load * 150.0**2)
+    )
+    _, trace = course(network, losses, locked, "rotor_node", values)
+    got = rotor_got(trace, short, 300.0, 40.0, 300.0) / (300.0 * 240.0)
+    assert load * least - 1e-9 <= got <= load * most + 1e-9
 
 
 def test_overhang_and_slot_share_the_winding(network, losses, short):

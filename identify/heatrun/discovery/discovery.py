@@ -304,12 +304,12 @@ def tell(
     search = asked.search
     none, core = search.fitted[frozenset()], asked.core
     left = search.without_heat(none), search.without_heat(asked.full)
-    engine = search.engine
+    at_none, engine = search.engine_of(none), search.engine_of(asked.full)
     bare = asked.fits[0].problem.model
     full = bare.extended(each.kind for each in asked.full.effects)
     closed = gap(engine.rms_K(left[0].residual), engine.rms_K(left[1].residual))
-    before, after = adequacy(engine, left[0]), adequacy(engine, left[1], closed)
-    where_before = localise(engine, left[0], bare)
+    before, after = adequacy(at_none, left[0]), adequacy(engine, left[1], closed)
+    where_before = localise(at_none, left[0], bare)
     where_after = localise(engine, left[1], full) if core.effects else where_before
     masks = folds(engine)
     outside = tuple(rmse(left_out_errors(engine, each, masks)) for each in left)

@@ -116,6 +116,10 @@ class Engine:
         """
         return self._with(replace(self.problem, heat=heat))
 
+    def with_noise_of(self, problem: Problem) -> Engine:
+        """Return the engine with the noise of each logger and the unmodelled heat of a problem."""
+        return self._with(replace(self.problem, loggers=problem.loggers, heat=problem.heat))
+
     def with_loggers(self, loggers: Loggers) -> Engine:
         """Return the engine with the noise of each logger."""
         return self._with(replace(self.problem, loggers=loggers))

@@ -9,7 +9,7 @@ from lptn.effects import AbstractEffect
 
 from ..fit.fit import RIVAL, SAME_OPTIMUM, distinct, finished, sharing
 from ..fit.fit_result import Fit
-from ..fit.restricted import estimate_noise
+from ..fit.restricted import estimate_loggers, estimate_noise
 from ..io.programs import refuse_wrong_sums
 from ..model.catalogue import all_effects
 from ..model.discrepancy import with_heat
@@ -142,7 +142,8 @@ class Found:
         for effects, num in zip(self.around, of_set, strict=True):
             member = self.search.fitted[effects]
             free = list(member.free)
-            columns = engine.whiten(from_scores(member.noise_z), member.jacobian)
+            at_fit = self.search.engine_of(member)
+            columns = at_fit.whiten(from_scores(member.noise_z), member.jacobian)
             factor = np.linalg.cholesky(
                 np.linalg.inv(columns.T @ columns + np.eye(columns.shape[1]))
             )
@@ -313,7 +314,7 @@ def as_fit(search: Search, member: Member, model: Model) -> Fit:
     problem = replace(
         problem,
         parameters=collect([test.name for test in full.tests], by_test),
-        loggers=full.loggers,
+        loggers=member.loggers,
     )
     reached_K = search.reached_K(member)
 
@@ -332,11 +333,10 @@ def _settled(search: Search, problem: Problem, member: Member, reached_K: float)
     order = [engine.find(s.parameter.name, s.test) for s in problem.parameters.slots]
     slots = [slot for slot in order if slot is not None]
     problem, found, noise_z, shift = _alternated(engine, problem, slots, member.z, member.noise_z)
-    assert problem.heat is not None
-    at_noise = engine.with_heat(problem.heat)
+    at_noise = engine.with_noise_of(problem)
     others = [
         at_noise.refit(start, slots, from_scores(noise_z), MOST_FROM_FAR)
-        for start in _least_held(engine, found, noise_z)
+        for start in _least_held(at_noise, found, noise_z)
     ]
     nearest = min([found, *others], key=lambda each: each.chi2)
     if nearest.chi2 < found.chi2 - 2.0 * SAME_OPTIMUM:
@@ -362,9 +362,10 @@ def _alternated(
     found, shift = None, np.inf
     for _ in range(ROUNDS):
         problem = with_heat(problem, z[slots])
-        assert problem.heat is not None
-        noise_z = estimate_noise(problem, z[slots], residual, jacobian, start=noise_z)
-        found = engine.with_heat(problem.heat).refit(z, slots, from_scores(noise_z))
+        linear = z[slots], residual, jacobian
+        problem = replace(problem, loggers=estimate_loggers(problem, *linear, start=noise_z))
+        noise_z = estimate_noise(problem, *linear, start=noise_z)
+        found = engine.with_noise_of(problem).refit(z, slots, from_scores(noise_z))
         shift = float(np.max(np.abs(found.z[slots] - z[slots])))
         z, residual, jacobian = found.z, found.residual, found.jacobian
         if shift < SETTLED:

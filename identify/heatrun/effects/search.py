@@ -21,9 +21,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float
 
-from ..fit.restricted import estimate_noise, log_evidence
+from ..fit.restricted import estimate_loggers, estimate_noise, log_evidence
 from ..model.discrepancy import no_heat, with_heat
-from ..model.noise import Noise, from_scores
+from ..model.noise import Loggers, Noise, from_scores
 from ..model.parameters import qualified
 from .engine import ROUGHLY, Candidate, Engine, Refit, white
 from .linear import Linear
@@ -84,6 +84,7 @@ class Member:
     # Scores of all slots, NaN for those of absent effects, shape (slot,).
     z: Float[np.ndarray, " slot"]
     noise_z: Float[np.ndarray, " noise"]  # Scores of noise and unmodelled heat.
+    loggers: Loggers  # Noise of each logger.
     # Measured minus modelled block means, all tests in a row [K].
     residual: Float[np.ndarray, " block"]
     # Its derivative by the free slots [K per score], shape (block, free).
@@ -136,7 +137,7 @@ class Search:
         self,
         effects: Set,
         z: np.ndarray,
-        noise_z: np.ndarray | None = None,
+        near: Member | None = None,
         rival: Member | None = None,
     ) -> Member:
         """Fit a set of effects from scores, and return the best fit of that set so far.
@@ -147,28 +148,33 @@ class Search:
         Args:
             effects: The set.
             z: Scores to start from.
-            noise_z: Scores of the noise to start from.
+            near: Fit whose noise is started from.
             rival: What the set is held against; where it stays far behind, it is not fitted on.
         """
-        found = self._fitted(effects, z, noise_z, rival)
+        found = self._fitted(effects, z, near, rival)
         fewer = [each for each in self.fitted.values() if each.effects < effects]
         surest = max(fewer, key=lambda each: each.log_evidence, default=found)
         if surest.log_evidence - found.log_evidence > LOST:
-            found = self._fitted(effects, surest.z, surest.noise_z, rival)
+            found = self._fitted(effects, surest.z, surest, rival)
         return found
 
     def _fitted(
-        self, effects: Set, z: np.ndarray, noise_z: np.ndarray | None, rival: Member | None
+        self, effects: Set, z: np.ndarray, near: Member | None, rival: Member | None
     ) -> Member:
         free = self.free(effects)
         z = self.placed(z, effects)
+        noise_z = None if near is None else near.noise_z
         noise = white(ROUGH_K) if noise_z is None else from_scores(noise_z)
+        if near is not None:
+            self.engine = self.engine.with_loggers(near.loggers)
         evidence, is_far, found = -np.inf, False, None
         for _ in range(NUM_SETTLED):
             found = self.engine.refit(z, free, noise, most=MOST_EVALUATIONS, fall=ROUGHLY)
             z, before = found.z, noise_z
             self.engine = heated(self.engine, z)
             linear = z[list(free)], found.residual, found.jacobian
+            loggers = estimate_loggers(self.engine.problem, *linear, start=before)
+            self.engine = self.engine.with_loggers(loggers)
             noise_z = estimate_noise(self.engine.problem, *linear, start=before)
             noise = from_scores(noise_z)
             if before is not None and np.max(np.abs(noise_z - before)) < SETTLED:
@@ -187,8 +193,8 @@ class Search:
         if np.isnan(evidence):  # a network that left the numbers is the least probable one
             evidence = -np.inf
         member = Member(
-            effects, free, found.z, noise_z, found.residual, found.jacobian, evidence,
-            evidence + self.log_odds(effects),
+            effects, free, found.z, noise_z, self.engine.problem.loggers, found.residual,
+            found.jacobian, evidence, evidence + self.log_odds(effects),
         )  # fmt: skip
         known = self.fitted.get(effects)
         if known is None or member.log_weight > known.log_weight:
@@ -204,7 +210,7 @@ class Search:
         """Go where steps by the linear evidence lead, as far as a fit confirms them."""
         tried: dict[Candidate, np.ndarray] = {}
         for _ in range(MOST_ROUNDS):
-            linear = Linear(heated(self.engine, centre.z), self.own, self.base, centre, tried)
+            linear = self.linear(centre, tried)
             path = self._path(centre.effects, linear)
             # where the steps end, halfway there, and the first one: the best that a fit confirms
             for effects in dict.fromkeys(
@@ -212,12 +218,26 @@ class Search:
             ):
                 after = self.fitted.get(effects)
                 if after is None:
-                    after = self.fit(effects, linear.scores(effects), centre.noise_z)
+                    after = self.fit(effects, linear.scores(effects), centre)
                 if after.log_weight > centre.log_weight:
                     break
             else:
                 break
             centre = after
+
+    def engine_of(self, member: Member) -> Engine:
+        """Return the engine with the noise of each logger and the unmodelled heat of a fit."""
+        return heated(self.engine.with_loggers(member.loggers), member.z)
+
+    def linear(self, centre: Member, tried: dict[Candidate, np.ndarray] | None = None) -> Linear:
+        """Return the linear model around a fitted set.
+
+        Args:
+            centre: The set.
+            tried: As of `Linear`.
+        """
+        tried = {} if tried is None else tried
+        return Linear(self.engine_of(centre), self.own, self.base, centre, tried)
 
     def _path(self, effects: Set, linear: Linear) -> list[Set]:
         """Return the sets of single steps uphill in the linear evidence."""
@@ -257,7 +277,7 @@ class Search:
         starts = [self.placed(each, effects) for each in (member.z, alone)]
         off_K = [self.engine.rms_K(self.engine.linearise(each, ())[0]) for each in starts]
         nearest = starts[int(np.argmin(off_K))]
-        found = self.engine.refit(
+        found = self.engine.with_loggers(member.loggers).refit(
             nearest, free, white(ROUGH_K), most=MOST_EVALUATIONS, fall=ROUGHLY
         )
         self._reached[effects] = self.engine.rms_K(found.residual)
@@ -278,7 +298,7 @@ class Search:
         return [self._without(member, member.effects - {each}) for each in member.effects]
 
     def _without(self, member: Member, effects: Set) -> Member:
-        return self.fitted.get(effects) or self.fit(effects, member.z, member.noise_z, member)
+        return self.fitted.get(effects) or self.fit(effects, member.z, member, member)
 
     def _spare(
         self, member: Member, is_wanted: Callable[[Member, Member], bool], kept: Set = frozenset()
@@ -289,7 +309,7 @@ class Search:
         sets = [member.effects - {each} for each in member.effects - kept]
         if not sets:
             return None
-        linear = Linear(heated(self.engine, member.z), self.own, self.base, member, {})
+        linear = self.linear(member)
         weights = {s: COARSE * linear.log_evidence(s) + self.log_odds(s) for s in sets}
         for effects in sorted(sets, key=lambda each: -weights[each]):
             fewer = self._without(member, effects)
@@ -344,13 +364,12 @@ class Search:
         for without in self.fewer(member):
             fewer = without.effects
             # under the noise of the set: without the effect, what it does is unmodelled heat
-            centre = replace(without, noise_z=member.noise_z)
-            linear = Linear(heated(self.engine, without.z), self.own, self.base, centre, {})
+            linear = self.linear(replace(without, noise_z=member.noise_z, loggers=member.loggers))
             rivals = [fewer | {one} for one in self.candidates if one not in here]
             weights = {one: linear.log_evidence(one) + self.log_odds(one) for one in rivals}
             for rival in sorted(rivals, key=lambda one: -weights[one])[:MOST_RIVALS]:
                 if rival not in self.fitted:
-                    self.fit(rival, linear.scores(rival), member.noise_z, member)
+                    self.fit(rival, linear.scores(rival), member, member)
             tried = [self.fitted[rival] for rival in rivals if rival in self.fitted]
             others += [fewer, *(r.effects for r in tried if self.explains(r, member, without))]
         fitted = [here, *others]
@@ -398,7 +417,8 @@ class Search:
 
     def without_heat(self, member: Member) -> Refit:
         """Return a set fitted with noise of up to a minute alone, so that what is slow is left."""
-        engine = self.engine.with_heat(no_heat(self.engine.problem))
+        engine = self.engine.with_loggers(member.loggers)
+        engine = engine.with_heat(no_heat(engine.problem))
         found = engine.refit(member.z, member.free, white(ROUGH_K))
         for _ in range(2):
             noise = plain_noise(engine, found, longest_s=LONGEST_S)

@@ -154,7 +154,9 @@ def small_effects(
     engine = heated(engine, z)
     search = Search(engine, usable.candidates, tuple(order))
     rows = engine.linearise(z, order)
-    alone = Member(frozenset(), search.base, z, fit.noise_z, *rows, fit.log_evidence, 0.0)
+    alone = Member(
+        frozenset(), search.base, z, fit.noise_z, problem.loggers, *rows, fit.log_evidence, 0.0
+    )
     linear = Linear(engine, search.own, search.base, alone, {})
     columns = [_column(engine, search, linear, each) for each in usable.candidates]
     bare = search.without_heat(alone)

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from lptn.effects.base import LOCKED
 from lptn.effects.heat_paths import STEFAN_BOLTZMANN
 
 from ..version import __version__
@@ -161,7 +162,7 @@ def _heats(
     if {"stray_W", "moved_W"} & members:
         equations.append(f"i = current_A/{float(found['rated_current_A'])!r}")
     if stray:
-        equations.append(f"stray_W = {stray}*i^2*s^1.5")
+        equations.append(f"stray_W = {stray}*i^2*max(s, {LOCKED})^1.5")
         copper += " + stray_W" if is_balance else ""
     equations += [f"direct_W = {direct}", f"copper_W = {copper}"]
     overhangs = {i: name for (member, i), name in by_place.items() if member == "copper_moved"}
@@ -178,8 +179,9 @@ def _heats(
         if P := by_place.get(("moved_W", i)):
             n, m = (by_place.get((f"moved_{of}", i), "0") for of in ("exponent", "by_load"))
             moved[node] = f"moved_{plain[node]}_W"
-            by_load = f"max(1 + {m}*(i^2 - 1), 0)"
-            equations.append(f"{moved[node]} = {P}*{by_load}*(if s > 0 then s^{n} else 0)")
+            of_speed = f"(1 - {m})*(if s > 0 then s^{n} else 0)"
+            of_load = f"{m}*i^2*max(s, {LOCKED})^{n}"
+            equations.append(f"{moved[node]} = {P}*max({of_speed} + {of_load}, 0)")
     given = "".join(
         ["losses_W", *(f" - {each}" for each in by_speed.values() if each and is_balance)]
     )

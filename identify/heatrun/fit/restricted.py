@@ -8,6 +8,7 @@ up. The spread of the posterior follows from its curvature at the fit (Laplace's
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -22,7 +23,7 @@ from scipy.optimize import minimize
 
 from ..io.programs import compiled
 from ..model import noise as noise_module
-from ..model.noise import LARGEST, LARGEST_SCORES, NOISE, eliminated
+from ..model.noise import LARGEST, LARGEST_SCORES, NOISE, eliminated, scale_of
 from ..model.problem import NUM_NOISE, Problem
 from ..record.blocks import Logger
 from ..record.observation import Observation
@@ -208,12 +209,24 @@ def polished_noise(
 
 
 def estimate_loggers(
-    problem: Problem, z: np.ndarray, residual: np.ndarray, jacobian: np.ndarray
+    problem: Problem,
+    z: np.ndarray,
+    residual: np.ndarray,
+    jacobian: np.ndarray,
+    *,
+    start: np.ndarray | None = None,
 ) -> dict[Logger, float]:
     """Return the noise of each logger over that of the one with the most readings [1].
 
     Found with the noise itself at the maximum of the restricted likelihood; empty where all tests
-    were recorded alike. Arguments as `restricted_log_likelihood`.
+    were recorded alike.
+
+    Args:
+        problem: Model and tests, with the loggers to search from.
+        z: As `restricted_log_likelihood`.
+        residual: As `restricted_log_likelihood`.
+        jacobian: As `restricted_log_likelihood`.
+        start: Scores of the noise to search from; several by default, and loggers alike.
     """
     counts: dict[Logger, int] = {}
     sensors = [logger for test in problem.tests for logger in test.loggers]
@@ -225,7 +238,11 @@ def estimate_loggers(
         return {}
     owns = np.array([[sensor == logger for logger in others] for sensor in sensors])
     bare = replace(problem, loggers={})
-    starts = [[*noise_z, *np.zeros(len(others))] for noise_z in _starts(residual)]
+    if start is None:
+        starts = [[*noise_z, *np.zeros(len(others))] for noise_z in _starts(residual)]
+    else:
+        known = [math.log(scale_of(problem.loggers, logger)) for logger in others]
+        starts = [[*start, *np.divide(known, LOGGER_SD)]]
     found = _search(bare, (z, residual, jacobian), starts, LARGEST[1], owns.astype(float))
     scales = np.exp(LOGGER_SD * found[NUM_NOISE:])
     return {first: 1.0, **dict(zip(others, map(float, scales), strict=True))}

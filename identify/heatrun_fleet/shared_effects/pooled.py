@@ -77,9 +77,7 @@ def evidence_of(fit: Fit) -> Evidence:
     motor, tests = problem.motor, problem.tests
     found, extended = with_catalogue(problem.model, motor, tests, kinds)
     engine = Engine(Problem.of(extended, motor, tests, searched=found.kinds))
-    engine = engine.with_loggers(problem.loggers)
-    if problem.heat is not None:
-        engine = engine.with_heat(problem.heat)
+    engine = engine.with_noise_of(problem)
     z, _ = placed(engine, fit)
     labels, scale, columns = _signatures(engine, np.nan_to_num(z))
     jacobian, residual = np.concatenate(fit.jacobian), np.concatenate(fit.residual)

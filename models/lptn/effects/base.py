@@ -221,23 +221,34 @@ def power(speed: Float[Array, "..."], exponent: Float[Array, ""] | float) -> Flo
     return jnp.where(turns, jnp.exp(exponent * jnp.log(jnp.where(turns, size, 1.0))), 0.0)
 
 
+LOCKED = 0.01
+"""Speed that a locked rotor counts as, over the rated one [1]."""
+
+
 def at_load(
     drive: Drive, effect: str, exponent: Float[Array, ""] | float, by_load: Float[Array, ""] | float
 ) -> Float[Array, "..."]:
-    r"""Return a loss over itself at rated speed and current, $s^n (1 - m + m\,i^2)$ [1].
+    r"""Return a loss over itself at rated speed and current [1].
+
+    $$ s^n (1 - m) + \max(s, s_0)^n\, m\,i^2 $$
+
+    What goes with the load is there with the rotor locked too: by its exponent, nearly all of a
+    cage's loss and nearly nothing of eddy currents.
 
     Args:
         drive: Inputs.
         effect: Id of the effect, for the message.
         exponent: n, of the speed; positive.
         by_load: m, how far it goes with the squared current: 0 not at all, 1 in proportion. Where
-            more than 1 would make it negative, there is none.
+            it would be negative, there is none.
 
     Raises:
         ValueError: If there is no speed.
     """
-    speed = power(require(drive.speed, effect, "speed_rpm"), exponent)
-    return speed * jnp.maximum(1.0 + by_load * (drive.current_ratio_squared - 1.0), 0.0)
+    speed = jnp.abs(require(drive.speed, effect, "speed_rpm"))
+    of_speed = (1.0 - by_load) * power(speed, exponent)
+    of_load = by_load * drive.current_ratio_squared * power(jnp.maximum(speed, LOCKED), exponent)
+    return jnp.maximum(of_speed + of_load, 0.0)
 
 
 def applies(kind: type[AbstractEffect], network: Network) -> bool:

@@ -85,12 +85,13 @@ class RotorNode(NodeEffect, HeatEffect):
     r"""Part of the losses arises in the rotor, which hands it on to the stator with a delay.
 
     $$ C_r \dot T_r = P_r - \frac{P_r^*}{\Delta}\,(T_r - T_{sr}), \quad
-       P_r = P_r^*\, s^n (1 - m + m\,i^2), \quad C_r = \tau P_r^*/\Delta $$
+       P_r = P_r^* (s^n (1 - m) + \max(s, s_0)^n\, m\,i^2), \quad C_r = \tau P_r^*/\Delta $$
 
     The resistance to the stator is given by the rise above it, and the heat capacity by the time
     constant: nothing is left of the rotor where no heat arises in it. The heat is moved from the
-    other losses at a constant sum. That of a cage goes with the load alone, whatever the speed;
-    eddy currents in magnets go with the speed, and less with the load.
+    other losses at a constant sum. That of a cage goes with the load alone, whatever the speed, and
+    is there with the rotor locked; eddy currents in magnets go with the speed, and less with the
+    load.
 
     Valid for: a rotor that loses its heat through the air gap alone.
     """

@@ -7,6 +7,7 @@
  * Other losses: $other_words, shared to the nodes, a gain of them and a standby loss added; of them
  *               P s^n (1 - m + m i^2) to one node, not below 0, i current over the rated one: teeth
  *               in the winding, rotor; and k s^m of them outside
+ * Locked rotor: s is 0.01 at least in what goes with the current
  * Overhang:     a share of Pjs, taken from the copper node
  * Bearings:     Tf omega exp(-kappa (T - sink))
  * Sink:         (1 - a) (sink + r times all losses) + a coolant
@@ -146,6 +147,7 @@ static void prepare(const heatrun_parameters *p, const heatrun_inputs *inputs, d
     const heatrun_real speed =
         inputs->speed_rpm < R(0.0) ? -inputs->speed_rpm : inputs->speed_rpm;
     const heatrun_real rated = speed/RATED_SPEED_RPM;
+    const heatrun_real turning = rated > R(0.01) ? rated : R(0.01);
     const heatrun_real load =
         inputs->current_A*inputs->current_A/(RATED_CURRENT_A*RATED_CURRENT_A);
     heatrun_real moved_W = R(0.0);
@@ -160,7 +162,7 @@ static void prepare(const heatrun_parameters *p, const heatrun_inputs *inputs, d
     at->eddies = p->ac_copper*rated*rated;
     if (p->stray_W > R(0.0)) {
         at->stray_W_per_A2 =
-            p->stray_W/(RATED_CURRENT_A*RATED_CURRENT_A)*power(rated, R(1.5));
+            p->stray_W/(RATED_CURRENT_A*RATED_CURRENT_A)*power(turning, R(1.5));
     }
     if (p->outside_share > R(0.0) && rated > R(0.0)) {
         at->outside = p->outside_share*power(rated, p->outside_exponent);
@@ -208,11 +210,14 @@ static void prepare(const heatrun_parameters *p, const heatrun_inputs *inputs, d
     }
 #if HEATRUN_HAS_SPEED
     for (i = 0; i < NUM_NODES; ++i) {
-        const heatrun_real by_load = R(1.0) + p->moved_by_load[i]*(load - R(1.0));
-        if (p->moved_W[i] > R(0.0) && by_load > R(0.0)) {
-            const heatrun_real heat_W = p->moved_W[i]*by_load*power(rated, p->moved_exponent[i]);
-            at->heat_W[i] += heat_W;
-            moved_W += heat_W;
+        const heatrun_real m = p->moved_by_load[i];
+        if (p->moved_W[i] > R(0.0)) {
+            const heatrun_real share = (R(1.0) - m)*power(rated, p->moved_exponent[i])
+                + m*load*power(turning, p->moved_exponent[i]);
+            if (share > R(0.0)) {
+                at->heat_W[i] += p->moved_W[i]*share;
+                moved_W += p->moved_W[i]*share;
+            }
         }
     }
     for (i = 0; i < NUM_NODES; ++i) {

@@ -187,6 +187,8 @@ for i = 1:num_samples - 1
       omega = abs(y(5));
       s = omega/rated_speed;
       i2 = y(2)/rated_current^2;
+      % a loss over itself at rated speed and current; with the current, a locked rotor has it too
+      at_load = @(n, m) max((1 - m)*(s > 0)*s^n + m*i2*max(s, 0.01)^n, 0);
       heat = share*Pol;
       heat(copper) = heat(copper) + Pjs;
       g = g0;
@@ -215,7 +217,7 @@ for i = 1:num_samples - 1
           case 'ambient_recirculation'
             sink = sink + q.r*(Pjs + Pol);
           case 'rotor_node'
-            in_other = -(q.P + 1e-9)*(s > 0)*s^q.n*max(1 + q.m*(i2 - 1), 0);
+            in_other = -(q.P + 1e-9)*at_load(q.n, q.m);
             heat(own(e)) = heat(own(e)) - in_other;
           case 'end_winding_node'
             heat(copper) = heat(copper) - (q.f + 1e-12)*Pjs;
@@ -223,14 +225,14 @@ for i = 1:num_samples - 1
           case 'ac_copper_loss'
             in_copper = q.k*Pjs*s^2*((p.B + p.Tref)/(p.B + T(copper)))^2;
           case 'iron_loss_in_winding'
-            in_other = -q.k*(s > 0)*s^q.n*max(1 + q.m*(i2 - 1), 0);
+            in_other = -q.k*at_load(q.n, q.m);
             heat(copper) = heat(copper) - in_other;
           case 'external_loss'
             in_other = -q.k*Pol*(s > 0)*s^q.m;
           case 'bearing_friction'
             heat(n) = heat(n) + q.T_f*omega*exp(-q.kappa*(T(n) - sink));
           case 'stray_load_loss'
-            watts = q.k*i2*s^1.5;
+            watts = q.k*at_load(1.5, 1);
             in_copper = is_balance*watts;
             in_other = ~is_balance*watts;
           case 'speed_loss'
