@@ -238,7 +238,7 @@ def test_what_cannot_be_is_a_bound(search):
 
 
 def test_what_half_of_the_evidence_does_not_ask_for_is_allowed_for(search):
-    """It is in the model, with more than one effect left out if all close next to nothing."""
+    """It is in the model, without the effects that close nothing of the gap, however many."""
     fan, lag, rotor = (next(e for e in search.candidates if e.id == name)
                        for name in ("speed_cooling", "sensor_lag", "rotor_node"))  # fmt: skip
     z = search.fitted[frozenset()].z
@@ -248,9 +248,12 @@ def test_what_half_of_the_evidence_does_not_ask_for_is_allowed_for(search):
     none = search.fitted[frozenset()]
     told = {each.effects: replace(each, log_weight=0.0) for each in (none, few, both)}
     told[more.effects] = replace(more, log_weight=1.0)
-    tried = replace(search, fitted=told)
+    reached_K = {few.effects: 1.0, both.effects: 0.10, more.effects: 0.10}
+    tried = replace(search, fitted=told, _reached=reached_K)
     assert tried.fullest(told[few.effects]).effects == both.effects
     assert tried.fullest(told[both.effects]).effects == both.effects
+    reached_K[more.effects] = 0.09  # a trace moves the parameters too
+    assert tried.fullest(told[few.effects]).effects == more.effects
     told[few.effects] = replace(few, log_weight=2.0)
     assert tried.fullest(told[few.effects]).effects == few.effects
     assert tried.fullest(none) is none  # an effect beside none is averaged over, not in the model
@@ -320,6 +323,16 @@ def test_a_channel_that_one_test_lacks_is_told_with_the_effects_that_it_keeps_ou
     assert finding.id == "channel_in_some_tests"
     assert "locked has no speed_rpm" in finding.message
     assert "speed_rpm under [constants]" in finding.remedy
+
+
+@pytest.mark.parametrize("losses", ["balance", "map"])
+def test_heat_that_a_measured_balance_holds_is_sought_under_a_map_alone(two, losses):
+    _, motor, tests, _ = two
+    motor = replace(motor, losses=losses)
+    library, _ = with_catalogue(Model.of("second", motor), motor, tests)
+    for effect in ("bearing_friction", "standby_loss"):
+        reason = library.unavailable.get(effect, "")
+        assert (losses == "balance") == ("measured balance" in reason)
 
 
 def test_what_tests_do_not_tell_apart_widens_the_intervals(searched):

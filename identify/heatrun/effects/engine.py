@@ -551,9 +551,13 @@ def library(
     return Library(tuple(usable), tuple(candidates), unavailable, in_some)
 
 
-def without_resistance(kinds: Sequence[type[AbstractEffect]], motor: Motor) -> dict[str, str]:
-    """Return the effects, with the reason, that bring in a copper loss which cannot be reckoned."""
-    if motor.phase_resistance_ohm is not None or "Rs0" in motor.parameters:
-        return {}
-    reason = "needs [winding] phase_resistance_ohm in the motor file"
-    return {kind.card.id: reason for kind in kinds if kind.rebuilds}
+def ruled_out(kinds: Sequence[type[AbstractEffect]], motor: Motor) -> dict[str, str]:
+    """Return the effects, with the reason, that no test of a machine can show."""
+    reasons: dict[str, str] = {}
+    if motor.losses == "balance":
+        reason = "its heat is in the measured balance of the losses"
+        reasons |= {kind.card.id: reason for kind in kinds if kind.card.is_in_balance}
+    if motor.phase_resistance_ohm is None and "Rs0" not in motor.parameters:
+        reason = "needs [winding] phase_resistance_ohm in the motor file"
+        reasons |= {kind.card.id: reason for kind in kinds if kind.rebuilds}
+    return reasons

@@ -21,7 +21,7 @@ from ..posterior.fit_checks import holding_heat
 from ..record.blocks import Blocks
 from ..record.motor import Motor
 from ..record.record import Finding
-from .engine import Candidate, Engine, Library, Refit, library, without_resistance
+from .engine import Candidate, Engine, Library, Refit, library, ruled_out
 from .search import POSSIBLE, Member, Search, Set
 
 
@@ -42,7 +42,7 @@ def with_catalogue(
         held_out: Tests that must have what an effect needs too.
     """
     wanted = [kind for kind in kinds or all_effects() if kind not in model.effects]
-    blocked = without_resistance(wanted, motor)
+    blocked = ruled_out(wanted, motor)
     usable = library(
         [kind for kind in wanted if kind.card.id not in blocked],
         model.topology(),

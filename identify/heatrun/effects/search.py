@@ -401,17 +401,18 @@ class Search:
     def fullest(self, core: Member) -> Member:
         """Return the most probable of the fitted sets that hold one; of none, the empty one.
 
-        It goes without what closes next to nothing, all of that together.
+        It goes without what closes nothing of the gap, all of that together. However little the
+        rest closes, left out it would be in the parameters, and in each prediction.
         """
         if not core.effects:
             return core
         full = self._holding(core.effects)
         reached_K = self.reached_K(full)
 
-        def matters(_: Member, fewer: Member) -> bool:
-            return gap(self.reached_K(fewer), reached_K) > MATTERS_K
+        def closes(_: Member, fewer: Member) -> bool:
+            return self.reached_K(fewer) > reached_K
 
-        while (fewer := self._spare(full, matters, core.effects)) is not None:
+        while (fewer := self._spare(full, closes, core.effects)) is not None:
             full = fewer
         return full
 

@@ -388,12 +388,12 @@ def page() -> str:
     from lptn import EFFECTS
 
     parts = [HEAD, *map(_section, SECTIONS)]
-    rows = [
-        (f"`{kind.card.id}`", kind.card.signature, ", ".join(f"`{one}`" for one in kind.card.needs))
-        for kind in EFFECTS
-    ]
+    rows = []
+    for card in (kind.card for kind in EFFECTS):
+        needs = [*card.needs, *['losses = "map"'] * card.is_in_balance]
+        rows.append((f"`{card.id}`", card.signature, ", ".join(f"`{one}`" for one in needs)))
     parts.append(
-        "## Known effects\n\nIds for `[model] effects` and `--with`.\n\n"
+        "## Known effects\n\nIds for `[model] effects` and `--with`, and what a search for them needs.\n\n"
         + _table(("id", "what the bench shows when it is missing", "needs"), rows)
     )
     return "\n".join(parts)

@@ -51,6 +51,9 @@ class EffectCard(NamedTuple):
     # Whether it shows from one sample to the next, where means over seconds take a fast body for
     # it.
     is_at_once: bool = False
+    # Whether a measured balance of the losses holds its heat, so that it is missed under a map
+    # alone.
+    is_in_balance: bool = False
 
 
 class AbstractEffect(eqx.Module):

@@ -136,8 +136,8 @@ class BearingFriction(HeatEffect):
 
     T_f holds all of what reaches the stator: a share c of it could not be told from its size.
 
-    Valid for: friction that the losses do not hold, so it adds heat, under a map and where the
-        balance leaves it out.
+    Valid for: friction that the losses do not hold, so it adds heat, under a map. A balance of
+        electrical power and that of the shaft holds it.
     """
 
     T_f: Float[Array, ""]
@@ -158,6 +158,7 @@ class BearingFriction(HeatEffect):
                 "1/K", None, 0.02, 0.04, 0.03, "fall of the friction with temperature"
             ),
         },
+        is_in_balance=True,
     )
 
     def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
@@ -203,8 +204,8 @@ class StandbyLoss(HeatEffect):
 
     $$ P_{sr} \mathrel{+}= P_0 $$
 
-    Valid for: an inverter that is on throughout; it adds heat. The same trace as an offset of the
-        sink.
+    Valid for: an inverter that is on throughout, and losses from a map: it adds heat, which a
+        balance of the powers holds. The same trace as an offset of the sink.
     """
 
     P0: Float[Array, ""]
@@ -218,6 +219,7 @@ class StandbyLoss(HeatEffect):
         "would have it",
         separating_test="an hour at rest with the inverter on, and an hour with it off",
         parameters={"P0": Quantity("W", 0.0, 1.0, 200.0, 20.0, "loss at rest")},
+        is_in_balance=True,
     )
 
     def apply(self, terms: Terms, temperature: Temperatures, drive: Drive) -> Terms:
