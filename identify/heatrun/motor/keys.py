@@ -393,8 +393,8 @@ def page() -> str:
         needs = [*card.needs, *['losses = "map"'] * card.is_in_balance]
         rows.append((f"`{card.id}`", card.signature, ", ".join(f"`{one}`" for one in needs)))
     parts.append(
-        "## Known effects\n\nIds for `[model] effects` and `--with`, and what a search for them needs.\n\n"
-        + _table(("id", "what the bench shows when it is missing", "needs"), rows)
+        "## Known effects\n\nIds for `[model] effects` and `--with`, and what a search for them "
+        "needs.\n\n" + _table(("id", "what the bench shows when it is missing", "needs"), rows)
     )
     return "\n".join(parts)
 
