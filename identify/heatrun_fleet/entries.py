@@ -9,6 +9,7 @@ import io
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,9 @@ ROLES = ("calibration", "holdout")
 
 COLUMNS = ("machine", "type", "motor", "test", "tests", "holdout", "role")
 """What heatrun knows of a row; any other column is a covariate."""
+
+ALIKE = 0.85
+"""Likeness [1] from which on a column is misspelt: `motors`, `machin`, not `date` or `rotor`."""
 
 ALIASES = {"id": "machine", "machine_id": "machine", "serial": "machine"}
 
@@ -91,7 +95,8 @@ def check_columns(names: Sequence[str], covariates: Sequence[str] | None, where:
     for name in names:
         if name in COLUMNS or (covariates is not None and name in covariates):
             continue
-        near = did_you_mean(name, COLUMNS) if _is_close(name) else ""
+        is_misspelt = get_close_matches(name.casefold(), COLUMNS, cutoff=ALIKE)
+        near = did_you_mean(name, COLUMNS) if is_misspelt else ""
         if covariates is not None or near:
             raise InputError(
                 f"The column '{name[:60]}' is not known. {near}".strip(),
@@ -169,25 +174,6 @@ def _entry(name: str, rows: Sequence[Row], type: str, motor: str, where: str) ->
 
 def _files(row: Row, column: str) -> list[str]:
     return [part.strip() for part in row.cells.get(column, "").split(BETWEEN) if part.strip()]
-
-
-def _is_close(name: str) -> bool:
-    """Whether a column is likely a misspelling: `motors`, `machin`, not `date` or `rate`."""
-    folded = name.casefold()
-    return any(
-        len(name) > 3 and _distance(folded, known) <= 1 + (len(known) > 5) for known in COLUMNS
-    )
-
-
-def _distance(one: str, other: str) -> int:
-    """Return how many letters must be put in, left out or replaced (Levenshtein)."""
-    before = list(range(len(other) + 1))
-    for i, a in enumerate(one, start=1):
-        now = [i]
-        for j, b in enumerate(other, start=1):
-            now.append(min(before[j] + 1, now[-1] + 1, before[j - 1] + (a != b)))
-        before = now
-    return before[-1]
 
 
 LARGEST_BYTES = 2**28

@@ -16,7 +16,7 @@ import json
 import math
 import re
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
 from importlib.metadata import version
@@ -31,7 +31,7 @@ from heatrun.readers.dates import CLOCK_OF_DAY as CLOCK
 from heatrun.record.record import Record
 from heatrun.reports.certificate import ENGLISH
 from heatrun.reports.figures import again, save
-from heatrun.reports.pdf import typeset
+from heatrun.reports.pdf import in_texts, typeset
 from heatrun.reports.printed import fixed, ranked, told
 
 from .report import CARDS, Cell, Kind, Line, Report, Row, Table
@@ -96,22 +96,14 @@ def document_content(
     }
     is_whole = say.is_whole and all(is_said for *_, is_said in findings)
     said["remark"] = "" if is_whole else say("rest_in_english")
-    return _printed(said, [source.path for source in report.sources])
+    paths = [source.path for source in report.sources]
+    return in_texts(said, lambda text: printed(without_folders(text, paths)))
 
 
 def _read_as(reader: str, say: Texts) -> str:
     """Return what a reader sniffed, its words in the language; names of formats stay."""
     words = reader.split(", ")
     return ", ".join(say.again(word) if word in SNIFFED else word for word in words)
-
-
-def _printed(value: Any, paths: Sequence[str]) -> Any:
-    """Return texts as they are printed, at any depth of lists and objects."""
-    if isinstance(value, str):
-        return printed(without_folders(value, paths))
-    if isinstance(value, Mapping):
-        return {key: _printed(item, paths) for key, item in value.items()}
-    return [_printed(item, paths) for item in value]
 
 
 def number(value: Cell, places: int | None = None) -> str:

@@ -31,7 +31,7 @@ from .general import energy_report, general_report
 from .prototypes import base_of, read_prototypes
 from .prototypes_report import prototypes_report
 from .report import CARDS, TEST_TYPES, Kind, Report
-from .simulated import Reference, read_reference, reference_of_run, refuse_changed, simulate_run
+from .simulated import Reference, read_reference, reference_of_run, refuse_changed
 from .thermal import thermal_report
 from .validation_report import validation_report
 
@@ -258,7 +258,7 @@ def build_report(
         return thermal_report(motor, record, run)
     if reference is None:
         assert run is not None  # by check_use
-        reference = reference_of_run(simulate_run(run, record, motor), run, motor)
+        reference = reference_of_run(run, record, motor)
     if kind == "virtual":
         reference = replace(reference, is_model=True)
     role = "virtual" if kind == "virtual" else "real"

@@ -18,7 +18,7 @@ from .analysis.drive import has
 from .analysis.general_information import GeneralInformation, general_information
 from .analysis.pair import Pair
 from .analysis.validation import Validation, align, judge, validate, within
-from .simulated import Reference, Simulated, read_reference, reference_of_run, simulate_run
+from .simulated import Reference, read_reference, reference_of_run
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,6 @@ class Prototype:
     reference: Reference  # Its record with bands, and what is known of how it came about.
     # Role of the record that drove the run that stands for it; empty for a file.
     driven_by: str = ""
-    is_seen: bool = False  # Whether that run was calibrated on that record.
 
     @property
     def record(self) -> Record:
@@ -65,9 +64,8 @@ def read_prototypes(roles: Sequence[tuple[str, Path]], motor: Motor) -> tuple[Pr
             continue
         if driver is None:
             raise UsageError(f"{role}: a run needs a measured record among the others to drive it.")
-        simulated = simulate_run(path, driver.record, motor)
-        reference = reference_of_run(simulated, path, motor)
-        found.append(Prototype(role, reference, driver.role, simulated.is_seen))
+        reference = reference_of_run(path, driver.record, motor)
+        found.append(Prototype(role, reference, driver.role))
     return tuple(found)
 
 
@@ -127,7 +125,7 @@ def judge_network(
     measured = [p for p in prototypes if not p.is_simulated]
     drivers = [p for p in measured if drives(p.record, motor)]
     found, findings = [], []
-    driven: dict[str, Simulated] = {}
+    driven: dict[str, Reference] = {}
     for prototype in measured:
         if not drivers or not has(prototype.record, "winding_degC"):
             load = "current, losses and sink, as do all the others"
@@ -138,9 +136,9 @@ def judge_network(
             continue
         driver = prototype if prototype in drivers else drivers[0]
         if driver.role not in driven:
-            driven[driver.role] = simulate_run(run, driver.record, motor)
-        simulated = driven[driver.role]
-        reference = replace(reference_of_run(simulated, run, motor), inputs=frozenset())
+            of_run = reference_of_run(run, driver.record, motor)
+            driven[driver.role] = replace(of_run, inputs=frozenset())
+        reference = driven[driver.role]
         offset_s = shift_s[driver.role] - shift_s[prototype.role]
         temperatures = [c for c in prototype.record.channels if c.endswith("_degC")]
         thermal = {c: prototype.record[c] for c in ("time_s", *temperatures)}
@@ -148,7 +146,7 @@ def judge_network(
             replace(prototype.record, channels=thermal), reference, motor,
             tolerances=tolerances, offset_s=offset_s,
         )  # fmt: skip
-        is_seen = simulated.is_seen and driver is prototype
+        is_seen = reference.is_seen and driver is prototype
         found.append(OnNetwork(prototype, driver.role, is_seen, validation))
     return tuple(found), tuple(findings)
 

@@ -85,7 +85,9 @@ def rows(found: Confrontation) -> tuple[Row, ...]:
 def tables(found: Confrontation) -> tuple[Table, ...]:
     """Return all further tables."""
     glance = [_at_a_glance(found)] if len(found.pairs) <= AT_A_GLANCE else []
-    made = [_records(found), _clocks(found), *glance, _signals(found), _information(found)]
+    lines = [_line(*each) for channel in signals_of(found) for each in _compared(found, channel)]
+    signals = Table("Signal by signal, pair by pair", PAIR_COLUMNS, tuple(lines))
+    made = [_records(found), _clocks(found), *glance, signals, _information(found)]
     made += [each for each in (_figures(found), _networks(found)) if each.lines]
     return tuple(made)
 
@@ -150,11 +152,6 @@ def _compared(found: Confrontation, channel: str) -> list[tuple[Compared, Signal
         for signal in pair.validation.signals
         if signal.channel == channel and signal.verdict != "not comparable"
     ]
-
-
-def _signals(found: Confrontation) -> Table:
-    lines = [_line(*each) for channel in signals_of(found) for each in _compared(found, channel)]
-    return Table("Signal by signal, pair by pair", PAIR_COLUMNS, tuple(lines))
 
 
 def _line(pair: Compared, signal: SignalComparison) -> Line:
@@ -280,7 +277,7 @@ def _first(found: Confrontation, run: Path | None) -> list[str]:
     for prototype in found.prototypes:
         if not is_virtual(prototype.role):
             sentences.append(simulated_as(prototype.role, prototype.record))
-        if prototype.is_seen:
+        if prototype.reference.is_seen:
             sentences.append(fitted_by(Path(prototype.reference.run), found.base.record))
     for first, second in combinations(found.prototypes, 2):
         sentences.append(same_file(first.record, second.record))

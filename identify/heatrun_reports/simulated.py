@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -26,38 +25,6 @@ from heatrun.record.samples import sink_channel
 from heatrun.runs.run import open_run
 
 from .analysis.pair import Pair
-
-if TYPE_CHECKING:
-    from heatrun.posterior.predict import Prediction
-
-
-@dataclass(frozen=True)
-class Simulated:
-    """A test as a run predicts it, block by block; whether the run was calibrated on that file,
-    and for which machine.
-    """
-
-    prediction: Prediction
-    is_seen: bool
-    motor_name: str
-
-    @property
-    def title(self) -> str:
-        """The model in a few words, with its effects."""
-        model = self.prediction.model
-        effects = ", ".join(kind.card.id for kind in model.effects)
-        return f"{model.title} with {effects}" if effects else model.title
-
-
-def simulate_run(run: Path, record: Record, motor: Motor) -> Simulated:
-    """Predict a test with the run in a folder; the motor says how the bench of the test measures.
-
-    Raises:
-        InputError: As `heatrun.runs.run.Run.predict`.
-    """
-    opened = open_run(run)
-    found = opened.predict(record, motor=motor)
-    return Simulated(found, not found.is_held_out, opened.result.motor.name)
 
 
 def refuse_changed(sources: Iterable[Source]) -> None:
@@ -103,6 +70,7 @@ class Reference:
     # simulated along [s]; None for any other record.
     starts_at_s: float | None = None
     run: str = ""  # The run folder that was driven by the test; empty for a file.
+    is_seen: bool = False  # Whether that run was calibrated on the test.
     # Whether it is given as a virtual prototype: whatever made it, no sensor did.
     is_model: bool = False
 
@@ -146,9 +114,14 @@ def read_reference(path: Path, motor: Motor) -> Reference:
     )
 
 
-def reference_of_run(simulated: Simulated, run: Path, motor: Motor) -> Reference:
-    """Return the winding and stator that a run says of a test, as the record of a prototype."""
-    found = simulated.prediction
+def reference_of_run(run: Path, record: Record, motor: Motor) -> Reference:
+    """Return the winding and stator that a run says of a test, as the record of a prototype; the
+    motor says how the bench of the test measures.
+
+    Raises:
+        InputError: As `heatrun.runs.run.Run.predict`.
+    """
+    found = open_run(run).predict(record, motor=motor)
     channels = {"time_s": found.time_s, "winding_degC": found.median}
     bands = {"winding_degC": found.total["95"]}
     stator = found.model.form.sensed("stator_degC")
@@ -156,8 +129,9 @@ def reference_of_run(simulated: Simulated, run: Path, motor: Motor) -> Reference
         channels["stator_degC"] = found.nodes[stator]
         bands["stator_degC"] = found.nodes_95[stator]
     return Reference(
-        record=Record(f"run {run.name}", channels), bands=bands, inputs=driving(motor), run=str(run)
-    )
+        record=Record(f"run {run.name}", channels), bands=bands, inputs=driving(motor),
+        run=str(run), is_seen=not found.is_held_out,
+    )  # fmt: skip
 
 
 def driving(motor: Motor) -> frozenset[str]:

@@ -30,6 +30,7 @@ from heatrun.runs.equilibrium import (
     criterion_words,
     equilibria,
 )
+from heatrun.runs.run import open_run
 
 from .analysis.drive import LossSplit, integrate, measured, split_losses
 from .analysis.validation import instrument_class
@@ -48,9 +49,10 @@ from .report import (
     flow_words,
     unnamed,
 )
-from .simulated import Simulated, before, fitted_by, simulate_run
+from .simulated import before, fitted_by
 
 if TYPE_CHECKING:
+    from heatrun.posterior.predict import Prediction
     from heatrun.runs.machine import SteadyNetwork
 
 
@@ -80,7 +82,7 @@ class ThermalBehaviour:
     """What a test says of the machine's temperatures."""
 
     settled: tuple[Equilibrium, ...]  # For each part of the machine, each stretch of constant load.
-    simulated: Simulated | None  # The test as the run predicts it, or None.
+    simulated: Prediction | None  # The test as the run predicts it, or None.
     # Where the network of the run comes to rest under the load of the last stretch, if the winding
     # did not get there; else None.
     steady: SteadyNetwork | None
@@ -110,7 +112,7 @@ def thermal_report(motor: Motor, record: Record, run: Path | None = None) -> Rep
             Finding("no_loss_split", "warning", error.problem, error.where, error.remedy,
                     record.name)
         )  # fmt: skip
-    simulated = None if run is None else simulate_run(run, record, motor)
+    simulated = None if run is None else open_run(run).predict(record, motor=motor)
     settled = tuple(each for c in parts for each in equilibria(record, motor, c))
     found = ThermalBehaviour(settled, simulated, _steady(simulated, settled))
     rows = _winding_rows(record, sink)
@@ -137,7 +139,7 @@ def thermal_report(motor: Motor, record: Record, run: Path | None = None) -> Rep
             )
         )
     else:
-        findings += _other_motor(simulated, motor, record, run)
+        findings += _other_motor(motor, record, run)
         rows += _run_rows(simulated)
         drawings += [
             Drawing("Measured against simulated winding, with Tsr, and the difference.",
@@ -178,15 +180,15 @@ def thermal_report(motor: Motor, record: Record, run: Path | None = None) -> Rep
     )
 
 
-def _other_motor(simulated: Simulated, motor: Motor, record: Record, run: Path) -> list[Finding]:
-    if simulated.motor_name == motor.name:
+def _other_motor(motor: Motor, record: Record, run: Path) -> list[Finding]:
+    name = open_run(run).result.motor.name
+    if name == motor.name:
         return []
     return [
         Finding(
             "run_of_other_motor",
             "warning",
-            f"The run was calibrated for {simulated.motor_name!r}, the motor file is of "
-            f"{motor.name!r}.",
+            f"The run was calibrated for {name!r}, the motor file is of {motor.name!r}.",
             str(run),
             "Pass a run of this motor, unless only the name has changed.",
             record.name,
@@ -194,7 +196,7 @@ def _other_motor(simulated: Simulated, motor: Motor, record: Record, run: Path) 
     ]
 
 
-def _steady(simulated: Simulated | None, settled: Sequence[Equilibrium]) -> SteadyNetwork | None:
+def _steady(simulated: Prediction | None, settled: Sequence[Equilibrium]) -> SteadyNetwork | None:
     """The network at rest, where the winding was stopped before it on a load that was held."""
     of_winding = [each for each in settled if each.channel == "winding_degC"]
     if simulated is None or not of_winding:
@@ -204,7 +206,7 @@ def _steady(simulated: Simulated | None, settled: Sequence[Equilibrium]) -> Stea
         return None
     from heatrun.runs.machine import steady_of_network
 
-    return steady_of_network(simulated.prediction, last.stretch)
+    return steady_of_network(simulated, last.stretch)
 
 
 def _winding_rows(record: Record, sink: str) -> list[Row]:
@@ -253,16 +255,14 @@ def _mean(record: Record, values: np.ndarray) -> float | None:
     return whole.net / whole.covered_s if whole.covered_s > 0.0 else None
 
 
-def _run_rows(simulated: Simulated) -> list[Row]:
-    found = simulated.prediction
-    seen = (
-        "the run was calibrated on this file"
-        if simulated.is_seen
-        else "not seen by the calibration"
-    )
+def _run_rows(found: Prediction) -> list[Row]:
+    effects = ", ".join(kind.card.id for kind in found.model.effects)
+    title = f"{found.model.title} with {effects}" if effects else found.model.title
+    seen = "not seen by the calibration"
+    seen = seen if found.is_held_out else "the run was calibrated on this file"
     rows = [
         Row("rmse_K", "Winding, RMSE measured to simulated", found.rmse_K, "K",
-            f"{simulated.title}, {seen}", PLACES_K),
+            f"{title}, {seen}", PLACES_K),
         Row("largest_K", "Winding, largest difference", found.largest_K, "K", places=PLACES_K),
         Row("coverage_percent", "Block means inside the 95 % band",
             100.0 * found.coverage_95(), "%", places=0),
@@ -293,8 +293,8 @@ def _node(name: str) -> str:
     return "Tsr" if name == "stator" else name.replace("_", " ")
 
 
-def _flows_defined(simulated: Simulated) -> tuple[str, str]:
-    form = simulated.prediction.model.form
+def _flows_defined(simulated: Prediction) -> tuple[str, str]:
+    form = simulated.model.form
     sink = f"the {form.sink}, the sink that T0 stands for" if form.second_sink else "the sink"
     return "P_ws, P_se", f"Heat flow from winding to stator, and from stator to {sink}; simulated."
 
@@ -302,7 +302,7 @@ def _flows_defined(simulated: Simulated) -> tuple[str, str]:
 def _summary(record: Record, found: ThermalBehaviour) -> str:
     words = f"{record.duration_s / 60.0:.1f} min; {_equilibrium_sentence(found.settled)}"
     if found.simulated is not None:
-        said = found.simulated.prediction
+        said = found.simulated
         words += (
             f"; the run's network is {said.rmse_K:.2f} K (RMSE) from the measured winding, "
             f"{100 * said.coverage_95():.0f} % of it inside the 95 % band"
@@ -483,10 +483,9 @@ def losses(record: Record, split: LossSplit) -> Figure:
     return figure
 
 
-def against(simulated: Simulated) -> Figure:
+def against(found: Prediction) -> Figure:
     """Return measured against simulated winding with bands, and the residuals."""
     figure, (top, bottom) = stacked(("temperature [°C]", 2.15), ("measured −\nsimulated [K]", 0.9))
-    found = simulated.prediction
     time_s = found.time_s
     band(top, time_s, found.total["95"], "95 % with noise", alpha=0.15)
     band(top, time_s, found.parameters["95"], "95 % of the parameters", alpha=0.35)
@@ -504,10 +503,9 @@ def against(simulated: Simulated) -> Figure:
     return figure
 
 
-def flows(simulated: Simulated) -> Figure:
+def flows(found: Prediction) -> Figure:
     """Return the heat flows of the network over time with their bands."""
     figure, (axis,) = stacked(("heat flow [W]", 1.5))
-    found = simulated.prediction
     named = flow_words(found.model.form)
     for place, (link, flow) in enumerate(found.flows.items()):
         symbol, words = named.get(link, unnamed(link))

@@ -63,29 +63,22 @@ def calibration_html(result: FitResult) -> str:
     certified = favoured(result)  # stands first
     for name in sorted(result.models, key=lambda each: each != certified):
         model = result.models[name]
-        parts.append(f"<h3>{escape(model.title.capitalize())}</h3>")
-        parts.append(
-            table(
-                ("parameter", "value", "95 % interval", "unit", "identifiable from these tests"),
-                (
-                    (name, entry.value, _range(entry.interval_95), printed_unit(entry.unit),
-                     f"{entry.identifiability or ''}: {entry.why or ''}")
-                    for name, entry in model.parameters.items()
-                ),
-            )
-        )  # fmt: skip
-        parts.append(
-            table(
-                ("test", "role", "RMSE [K]", "maximum error [K]", "coverage of the 95 % band"),
-                (
-                    (row.test, row.role, row.rmse_K, row.max_K,
-                     f"{100 * row.coverage_95:.0f} %")
-                    for row in model.residuals
-                ),
-            )
-        )  # fmt: skip
-        parts.append(f"<p class='faded'>{escape(model.posterior.verdict)}</p>")
-        parts.append(f"<p class='faded'>{escape(model.about_missing())}</p>")
+        parameters = [
+            (name, entry.value, _range(entry.interval_95), printed_unit(entry.unit),
+             f"{entry.identifiability or ''}: {entry.why or ''}")
+            for name, entry in model.parameters.items()
+        ]  # fmt: skip
+        residuals = [(row.test, row.role, row.rmse_K, row.max_K, f"{100 * row.coverage_95:.0f} %")
+                     for row in model.residuals]  # fmt: skip
+        parts += [
+            f"<h3>{escape(model.title.capitalize())}</h3>",
+            table(("parameter", "value", "95 % interval", "unit", "identifiable from these tests"),
+                  parameters),
+            table(("test", "role", "RMSE [K]", "maximum error [K]", "coverage of the 95 % band"),
+                  residuals),
+            f"<p class='faded'>{escape(model.posterior.verdict)}</p>",
+            f"<p class='faded'>{escape(model.about_missing())}</p>",
+        ]  # fmt: skip
     parts.append(f"<p>{escape(result.verdict.sentence)}</p>")
     if result.comparison is not None:
         parts += [f"<p>{escape(sentence)}</p>" for sentence in result.comparison.words]
@@ -96,18 +89,11 @@ def discovery_html(result: DiscoveryResult) -> str:
     """Return the heart of `discovery.json`: what was found, where, every candidate."""
     parts = []
     for effect in result.effects:
-        alike = ", ".join(effect.equivalents)
+        rows = [(name, p.value, _range(p.interval_95), printed_unit(p.unit))
+                for name, p in effect.parameters.items()]  # fmt: skip
         parts.append(f"<p><b>{escape(effect.id)}</b></p>")
-        parts.append(
-            table(
-                ("parameter", "value", "95 % interval", "unit"),
-                (
-                    (name, p.value, _range(p.interval_95), printed_unit(p.unit))
-                    for name, p in effect.parameters.items()
-                ),
-            )
-        )
-        if alike:
+        parts.append(table(("parameter", "value", "95 % interval", "unit"), rows))
+        if alike := ", ".join(effect.equivalents):
             parts.append(message("warning", f"Not distinguishable from {alike} with these tests."))
     gaps = [
         (label, gap.rmse_before_K, gap.rmse_after_K, gap.noise_floor_K)
@@ -116,17 +102,11 @@ def discovery_html(result: DiscoveryResult) -> str:
     ]
     parts.append(table(("tests", "RMSE before [K]", "after [K]", "noise [K]"), gaps))
     if result.where:
-        parts.append("<h3>Where model and measurement disagree</h3>")
-        parts.append(
-            table(
-                ("test", "from [min]", "to [min]", "node", "missing", "95 % interval"),
-                (
-                    (span.test, span.from_s / 60, span.to_s / 60, span.node,
-                     f"{span.missing[0]:+.3g} {span.missing[1]}", _range(span.interval_95))
-                    for span in result.where
-                ),
-            )
-        )  # fmt: skip
+        head = ("test", "from [min]", "to [min]", "node", "missing", "95 % interval")
+        spans = [(span.test, span.from_s / 60, span.to_s / 60, span.node,
+                  f"{span.missing[0]:+.3g} {span.missing[1]}", _range(span.interval_95))
+                 for span in result.where]  # fmt: skip
+        parts += ["<h3>Where model and measurement disagree</h3>", table(head, spans)]
     return "".join(parts)
 
 

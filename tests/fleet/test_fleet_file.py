@@ -57,6 +57,11 @@ def test_a_table_alone_names_its_motor_files(tmp_path, delimiter):
     assert fleet.entries[1].covariates == ()
 
 
+def test_a_covariate_may_resemble_a_known_column(tmp_path):
+    fleet = of_text(tmp_path, "machine,motor,test,rotor\nM1,m.toml,a.csv,cast\n", "m.csv")
+    assert fleet.entries[0].covariates == (("rotor", "cast"),)
+
+
 def test_parquet_holds_lists_dates_and_numbers(tmp_path):
     table = pa.table({
         "machine": ["M1", "M2"], "motor": ["m.toml"] * 2, "tests": [["a.csv", "b.csv"], ["c.csv"]],

@@ -12,10 +12,8 @@ from heatrun.errors import InputError
 from heatrun_fleet.population.gathered import Evidence
 from heatrun_fleet.population.law import (
     Hyperprior,
-    cholesky,
     log_marginal,
     num_scores,
-    solve_lower,
     unpack,
 )
 from heatrun_fleet.population.sampling import (
@@ -225,24 +223,6 @@ def test_places_without_a_machine_weigh_nothing():
     rows = 0.5 * np.random.default_rng(2).standard_normal((8, num_scores(4, 1)))
     found = [_many(data, hyper, jnp.asarray(rows)) for data in (bare, filled)]
     np.testing.assert_allclose(found[1], found[0], rtol=1e-12)
-
-
-def test_factors_are_those_of_the_library():
-    rng = np.random.default_rng(3)
-    for size in (1, 4, 7):
-        loose = rng.standard_normal((size, size))
-        matrix = loose @ loose.T + np.eye(size)
-        rights = rng.standard_normal(size), rng.standard_normal((size, 3))
-
-        @jax.jit
-        def solved(matrix, rights):
-            factor = cholesky(matrix)
-            return factor, [solve_lower(factor, right) for right in rights]
-
-        factor, found = jax.tree.map(np.asarray, solved(matrix, rights))
-        np.testing.assert_allclose(factor, np.linalg.cholesky(matrix), atol=1e-12)
-        for own, right in zip(found, rights, strict=True):
-            np.testing.assert_allclose(factor @ own, right, atol=1e-12)
 
 
 def test_a_law_wider_than_rounding_can_tell_has_no_density():

@@ -180,9 +180,10 @@ def test_the_command_says_it_in_words(fleet, tmp_path, monkeypatch, capsys):
         assert cli.main(words) == 0
     assert [path.name for path in (tmp_path / "results" / "populations").iterdir()] == ["a"]
     said = capsys.readouterr().out
-    assert "Type A: 40 machines, 4 left out." in said
-    assert "does not fit: M007 (probability 1.00; different: Req_w)" in said
-    assert "supplier=south against north" in said
+    assert "Type A: 40 machines count of the fleet" in said
+    assert "4 left out; 1 of them does not fit the type." in said
+    assert "does not fit: M007 (probability 1.00; different: Req_w " in said
+    assert "supplier: south against north: Changes " in said
     assert cli.main([*words, "--seed", "3"]) == 0
     assert (tmp_path / "results" / "populations" / "a-2").is_dir()
 

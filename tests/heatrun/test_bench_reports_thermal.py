@@ -26,7 +26,6 @@ from heatrun.simulation import simulate_file
 from heatrun_reports import build_report, read_reference
 from heatrun_reports.analysis.drive import split_losses
 from heatrun_reports.document import document_content
-from heatrun_reports.simulated import simulate_run
 from heatrun_reports.thermal import thermal_report
 
 MOTOR = Motor("reference", phase_resistance_ohm=0.0062)
@@ -149,12 +148,11 @@ def test_a_report_without_resistance_keeps_the_temperatures_and_says_why():
 
 def test_the_network_of_a_run_meets_the_truth_of_an_independent_simulator(run, bench, generator):
     record = bench(generator.duty(1800.0), seed=21)
-    simulated = simulate_run(run, record, MOTOR)
-    found = simulated.prediction
+    found = open_run(run).predict(record, motor=MOTOR)
     # noise of a 20 s mean: drift 0.2 K, rounding 1 K over 20 readings 0.06 K; parameters 0.5 %
     assert found.rmse_K < 0.5
     assert found.coverage_95() > 0.85
-    assert not simulated.is_seen
+    assert found.is_held_out
     truth = generator.simulate(
         generator.reference_motor(), generator.duty(1800.0), sample_s=1.0, steps_per_sample=20
     )
@@ -187,7 +185,7 @@ def test_a_run_that_another_test_drives_beyond_all_temperatures_is_refused(run, 
     record = bench(generator.duty(1800.0), seed=21)
     amplified = {**record.channels, "losses_W": 1000.0 * record["losses_W"]}  # mW taken for W
     with pytest.raises(InputError, match="copper melts"):
-        simulate_run(run, Record("amplified", amplified), MOTOR)
+        open_run(run).predict(Record("amplified", amplified), motor=MOTOR)
 
 
 def test_draws_leave_out_starts_and_keep_fixed_values(run):
@@ -395,7 +393,7 @@ def test_the_network_of_a_run_continues_a_heat_run_to_its_rest(run, bench, gener
     k = float(machine.copper_loss_per_kelvin(current))
     own = (TRUTH["Req_sr"] + TRUTH["Req_w"]) * k
     rows = {row.name: row for row in report.rows}
-    sink = float(np.mean(report.result.simulated.prediction.test.inputs.ambient[-30:]))
+    sink = float(np.mean(report.result.simulated.test.inputs.ambient[-30:]))
     winding = (sink + TRUTH["Req_sr"] * other + own * 234.5) / (1.0 - own)
     assert rows["winding_network_steady_degC"].value == pytest.approx(winding, abs=1.0)
     stator = winding - TRUTH["Req_w"] * k * (234.5 + winding)
@@ -406,7 +404,7 @@ def test_the_network_of_a_run_continues_a_heat_run_to_its_rest(run, bench, gener
     assert low - 1.0 < winding - sink < high + 1.0
     # and what a calibration says of the test is the same
     described = describe_test(record, reduce(record, MOTOR), MOTOR, "calibration", 0.0)
-    said = with_network_rise(described, report.result.simulated.prediction)
+    said = with_network_rise(described, report.result.simulated)
     assert said.equilibrium.network_K == pytest.approx(winding - sink, abs=1.0)
     low, high = said.equilibrium.network_95_K
     assert low < said.equilibrium.network_K < high

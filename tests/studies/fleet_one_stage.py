@@ -46,9 +46,7 @@ from heatrun_fleet.population.law import (
     OUTLIER_SD,
     OUTLIER_SHARE,
     Law,
-    cholesky,
     num_scores,
-    solve_lower,
     unpack,
 )
 from heatrun_fleet.population.of_fleet import gathered_of_fleet, read_fleet
@@ -183,6 +181,33 @@ def _log_density(
         machines, coordinates["thermal"], coordinates["others"]
     )
     return log_prior + jnp.sum(of_machines)
+
+
+def cholesky(matrix: Any) -> Any:
+    """Return the lower factor of a positive definite matrix.
+
+    Batches of factorisations inside compiled code are shared among XLA's threads, which wait for
+    one another for ever where two of them run at once: a population of 300 machines on two cores
+    stood still. Rank-one updates, as many as a machine has parameters, have no such trouble and are
+    faster.
+    """
+    size = matrix.shape[0]
+    rest, columns = matrix, []
+    for pivot in range(size):
+        below = jnp.arange(size) >= pivot
+        column = jnp.where(below, rest[:, pivot] / jnp.sqrt(rest[pivot, pivot]), 0.0)
+        rest = rest - column[:, None] * column
+        columns.append(column)
+    return jnp.stack(columns, axis=1)
+
+
+def solve_lower(factor: Any, right: Any) -> Any:
+    """Return x with factor x = right, of a lower triangular factor."""
+    rows = []
+    for pivot in range(factor.shape[0]):
+        rows.append(right[pivot] / factor[pivot, pivot])
+        right = right - jnp.tensordot(factor[:, pivot], rows[-1], axes=0)
+    return jnp.stack(rows)
 
 
 def _of_machine(

@@ -118,7 +118,10 @@ def calibrate_into_folder(
     with bar() as progress:
         found, written = calibrate_into(place, motor, tests, settings, say=say, progress=progress)
     if options.quick and options.verbose:
-        say(_spared(time.monotonic() - begun, found.sampling_s))
+        total_s, sampling_s = time.monotonic() - begun, found.sampling_s
+        say(f"--quick shortens the sampling alone, here {sampling_s:.0f} of {total_s:.0f} s; the "
+            f"other {total_s - sampling_s:.0f} s (reading, fits, missing effects, predictions, "
+            "figures) the full run takes as well")  # fmt: skip
     if options.json:
         print(to_json({**to_plain(found.result), "run": str(written)}))
     else:
@@ -128,15 +131,6 @@ def calibrate_into_folder(
         for sentence in compared(found.result) if compared else ():
             print(printable(sentence))
     return DONE
-
-
-def _spared(total_s: float, sampling_s: float) -> str:
-    """Return what a quick run cannot make shorter, in a sentence."""
-    return (
-        f"--quick shortens the sampling alone, here {sampling_s:.0f} of {total_s:.0f} s; the other "
-        f"{total_s - sampling_s:.0f} s (reading, fits, missing effects, predictions, figures) the "
-        "full run takes as well"
-    )
 
 
 def load(

@@ -102,8 +102,7 @@ def _compare_networks(options: argparse.Namespace) -> int:
     tests = load(motor, options.tests, options.holdout, as_json=options.json)
     if tests is None:
         return NOT_ALLOWED
-    method = "quick" if options.quick else "emcee"
-    names = [form.name for form in pair]
+    method, orders = "quick" if options.quick else "emcee", [form.name for form in pair]
     settings = Settings(
         networks=pair,
         effects=known_effects(motor, options.effects_known),
@@ -111,21 +110,12 @@ def _compare_networks(options: argparse.Namespace) -> int:
         seed=options.seed,
         command=options.command_line,
     )
-    with bar() as progress, work_of_calibration(names, len(tests), method, progress) as work:
+    with bar() as progress, work_of_calibration(orders, len(tests), method, progress) as work:
         found = calibrate(motor, tests, settings, work=work)
         work.finish()
     if options.json:
-        result = found.result
-        print(
-            to_json(
-                {
-                    "verdict": result.verdict,
-                    "comparison": result.comparison,
-                    "findings": result.findings,
-                    "tests": result.tests,
-                }
-            )
-        )
+        names = ("verdict", "comparison", "findings", "tests")
+        print(to_json({name: getattr(found.result, name) for name in names}))
     else:
         sentences = [*verdict_lines(found.result), *_compared(found.result)]
         print("\n".join(printable(sentence) for sentence in sentences))

@@ -219,7 +219,7 @@ def _of_tests(options: argparse.Namespace) -> list[dict[str, Any]]:
 
 def _text(written: dict[str, Any]) -> str:
     if "ratings" in written:
-        return _text_of_ratings(written)
+        return "\n".join(map(printable, [*written["table"], *written["files"]]))
     if "step_s" in written:
         return _text_of_network(written)
     if "variables" not in written:
@@ -267,10 +267,6 @@ def _text_of_network(written: dict[str, Any]) -> str:
         verify,
         *(printable(path) for path in written["files"]),
     ])  # fmt: skip
-
-
-def _text_of_ratings(written: dict[str, Any]) -> str:
-    return "\n".join(map(printable, [*written["table"], *written["files"]]))
 
 
 def _text_of_bodies(written: dict[str, Any]) -> str:

@@ -170,23 +170,15 @@ def _residuals(model: FittedModel, say: Texts) -> dict[str, Any]:
 
 
 def _bodies(model: FittedModel, say: Texts) -> list[list[str]]:
-    return [
-        [
-            say.again(clean(row.body.removesuffix("_degC").replace("_", " "))),
-            clean(row.test),
-            say("fitted_as" if row.fitted else "against", node=row.node.replace("_", " ")),
-            *map(
-                say.number,
-                (
-                    f"{row.rmse_K:.2f}",
-                    signed(row.mean_K, 2),
-                    f"{row.max_K:.2f}",
-                    f"{100 * row.coverage_95:.0f} %",
-                ),
-            ),
-        ]
-        for row in known(model.bodies) or ()
-    ]
+    rows = []
+    for row in known(model.bodies) or ():
+        numbers = (f"{row.rmse_K:.2f}", signed(row.mean_K, 2), f"{row.max_K:.2f}",
+                   f"{100 * row.coverage_95:.0f} %")  # fmt: skip
+        body, node = (name.replace("_", " ") for name in (row.body, row.node))
+        how = say("fitted_as" if row.fitted else "against", node=node)
+        body = say.again(clean(body.removesuffix(" degC")))
+        rows.append([body, clean(row.test), how, *map(say.number, numbers)])
+    return rows
 
 
 def _replica(model: FittedModel, say: Texts) -> str:

@@ -4,13 +4,13 @@ Reference: Physikalisch-Technische Bundesanstalt, DCC schema 3.3.0 and D-SI sche
 """
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement, register_namespace
 
 from ..errors import InputError
 from ..io.quantities import clean, printed_unit, quantity, rounded
-from ..record.motor import Certificate
+from ..record.motor import Certificate, Instrument
 from ..results import FitResult
 from ..results.model import DescribedTest, FittedParameter
 from ..results.values import BudgetRow, Interval, combined
@@ -73,6 +73,27 @@ def add_text(parent: Element, name: str, text: str) -> Element:
     element = add(parent, name)
     add(element, "content", text).set("lang", LANGUAGE)
     return element
+
+
+class Words(str):
+    """A text in the language of the certificate."""
+
+
+Content = str | Words | Mapping[str, "Content"] | Sequence["Content"]
+"""A text, elements by name, or several elements of one name."""
+
+
+def fill(parent: Element, content: Mapping[str, Content]) -> None:
+    """Add elements of the DCC by name, in order; what is empty is left out."""
+    for name, held in content.items():
+        for each in [held] if isinstance(held, str | Mapping) else held:
+            if isinstance(each, Mapping):
+                inner = add(parent, name)
+                fill(inner, each)
+                if not len(inner):
+                    parent.remove(inner)
+            elif each:
+                (add_text if isinstance(each, Words) else add)(parent, name, str(each))
 
 
 def add_real(
@@ -200,46 +221,33 @@ def add_method(
     certificate: Certificate,
 ) -> None:
     """Add method, software and instruments to a result."""
-    method = add(add(measured, "usedMethods"), "usedMethod")
-    add_text(method, "name", name)
-    add_text(method, "description", how)
-    for each in references:
-        add(method, "reference", each)
-    software = add(add(measured, "usedSoftware"), "software")
-    add_text(software, "name", "heatrun")
-    add(software, "release", f"v{version}")  # PTB's rules of good practice ask for the letter
-    if certificate.instruments:
-        _instruments(add(measured, "measuringEquipments"), certificate)
+    fill(measured, {
+        "usedMethods": {"usedMethod": {
+            "name": Words(name), "description": Words(how), "reference": [*references],
+        }},
+        # PTB's rules of good practice ask for the letter
+        "usedSoftware": {"software": {"name": Words("heatrun"), "release": f"v{version}"}},
+        "measuringEquipments": {"measuringEquipment": [*map(_equipment, certificate.instruments)]},
+    })  # fmt: skip
 
 
 def add_statements(parent: Element, use: str, certificate: Certificate) -> None:
     """Add how far a result can be used, and what the laboratory states beside it."""
-    rows = [
-        ("Use of the result", use),
-        ("Scope", ENGLISH("scope")),
-        ("Remarks", certificate.remarks),
-        ("Test bench", certificate.bench),
-    ]
-    for name, text in rows:
-        if text:
-            statement = add(parent, "statement")
-            add_text(statement, "name", name)
-            add_text(statement, "declaration", text)
+    rows = (
+        ("Use of the result", use), ("Scope", ENGLISH("scope")),
+        ("Remarks", certificate.remarks), ("Test bench", certificate.bench),
+    )  # fmt: skip
+    said = [{"name": Words(name), "declaration": Words(text)} for name, text in rows if text]
+    fill(parent, {"statement": said})
 
 
-def _instruments(parent: Element, certificate: Certificate) -> None:
-    for one in certificate.instruments:
-        held = add(parent, "measuringEquipment")
-        add_text(held, "name", one.instrument or one.quantity or "not named")
-        about = {
-            "measures": one.quantity,
-            "class": one.accuracy_class,
-            "calibration": one.calibration,
-            "valid until": one.valid_until,
-        }
-        words = "; ".join(f"{key}: {value}" for key, value in about.items() if value)
-        if words:
-            add_text(held, "description", words)
+def _equipment(one: Instrument) -> Content:
+    about = {"measures": one.quantity, "class": one.accuracy_class,
+             "calibration": one.calibration, "valid until": one.valid_until}  # fmt: skip
+    said = "; ".join(f"{key}: {value}" for key, value in about.items() if value)
+    return {
+        "name": Words(one.instrument or one.quantity or "not named"), "description": Words(said)
+    }  # fmt: skip
 
 
 def _conditions(
@@ -341,14 +349,10 @@ def _types(entry: FittedParameter) -> str:
 
 def _tests(parent: Element, result: FitResult) -> None:
     for test in result.tests:
-        held = add(parent, "metaData")
-        add_text(held, "name", f"Test {clean(test.name)} ({test.role})")
         digest = f"SHA-256 of its first file: {test.sha256}" if test.sha256 else "made in memory"
-        add_text(
-            held,
-            "declaration",
-            f"{test.duration_s / 60:.1f} min, {test.num_samples} samples. {digest}.",
-        )
+        length = f"{test.duration_s / 60:.1f} min, {test.num_samples} samples"
+        fill(parent, {"metaData": {"name": Words(f"Test {clean(test.name)} ({test.role})"),
+                                   "declaration": Words(f"{length}. {digest}.")}})  # fmt: skip
 
 
 VERSION = "3.3.0"
@@ -393,16 +397,47 @@ def begun(
     root.set("schemaVersion", VERSION)
     root.set(f"{{{XSI}}}schemaLocation", f"{DCC} {DCC}/v{VERSION}/dcc.xsd")
     about = add(root, "administrativeData")
-    _software(add(about, "dccSoftware"), version)
-    _core(add(about, "coreData"), certificate, days)
-    _item(add(about, "items"), machine, certificate)
-    laboratory = add(add(about, "calibrationLaboratory"), "contact")
-    add_text(laboratory, "name", certificate.laboratory)
-    _location(laboratory, certificate.laboratory_address, certificate.country)
-    _persons(add(about, "respPersons"), certificate)
-    customer = add(about, "customer")
-    add_text(customer, "name", certificate.customer)
-    _location(customer, certificate.customer_address, "")
+    given = certificate
+    # who approves it signs, else the operator
+    persons = [(given.approved_by, "approved by"), (given.operator, "operator")]
+    persons = [(name, role) for name, role in persons if name]
+    fill(about, {
+        "dccSoftware": {"software": {
+            "name": Words("heatrun"), "release": f"v{version}", "type": "application",
+        }},
+        "coreData": {
+            "countryCodeISO3166_1": given.country,
+            "usedLangCodeISO639_1": LANGUAGE,
+            "mandatoryLangCodeISO639_1": LANGUAGE,
+            "uniqueIdentifier": given.number,
+            "receiptDate": given.received,
+            "beginPerformanceDate": days.first,
+            "endPerformanceDate": days.last,
+            "performanceLocation": given.performed_at,
+            "issueDate": given.issue_date,
+        },
+        "items": {"item": {
+            "name": Words(clean(machine)),
+            "description": Words(given.condition),
+            "manufacturer": {"name": Words(given.manufacturer)},
+            "model": given.machine_type,
+            "identifications": {"identification": {
+                "issuer": "manufacturer", "value": given.serial_number,
+                "name": Words("Serial number"),
+            }},
+        }},
+        "calibrationLaboratory": {"contact": {
+            "name": Words(given.laboratory),
+            "location": {"countryCode": given.country, "further": Words(given.laboratory_address)},
+        }},
+        "respPersons": {"respPerson": [
+            {"person": {"name": Words(name)}, "role": role, "mainSigner": str(not place).lower()}
+            for place, (name, role) in enumerate(persons)
+        ]},
+        "customer": {
+            "name": Words(given.customer), "location": {"further": Words(given.customer_address)},
+        },
+    })  # fmt: skip
     return root, about
 
 
@@ -430,56 +465,3 @@ def _require(certificate: Certificate, days: TestDays) -> None:
             where="[certificate]",
             remedy="Add them to [certificate] of the motor file, or give them by --meta FILE.",
         )
-
-
-def _software(parent: Element, version: str) -> None:
-    software = add(parent, "software")
-    add_text(software, "name", "heatrun")
-    add(software, "release", f"v{version}")
-    add(software, "type", "application")
-
-
-def _core(parent: Element, certificate: Certificate, days: TestDays) -> None:
-    add(parent, "countryCodeISO3166_1", certificate.country)
-    add(parent, "usedLangCodeISO639_1", LANGUAGE)
-    add(parent, "mandatoryLangCodeISO639_1", LANGUAGE)
-    add(parent, "uniqueIdentifier", certificate.number)
-    if certificate.received:
-        add(parent, "receiptDate", certificate.received)
-    add(parent, "beginPerformanceDate", days.first)
-    add(parent, "endPerformanceDate", days.last)
-    add(parent, "performanceLocation", certificate.performed_at)
-    if certificate.issue_date:
-        add(parent, "issueDate", certificate.issue_date)
-
-
-def _item(parent: Element, machine: str, certificate: Certificate) -> None:
-    item = add(parent, "item")
-    add_text(item, "name", clean(machine))
-    if certificate.condition:
-        add_text(item, "description", certificate.condition)
-    if certificate.manufacturer:
-        add_text(add(item, "manufacturer"), "name", certificate.manufacturer)
-    if certificate.machine_type:
-        add(item, "model", certificate.machine_type)
-    identification = add(add(item, "identifications"), "identification")
-    add(identification, "issuer", "manufacturer")
-    add(identification, "value", certificate.serial_number)
-    add_text(identification, "name", "Serial number")
-
-
-def _location(parent: Element, address: str, country: str) -> None:
-    location = add(parent, "location")
-    if country:
-        add(location, "countryCode", country)
-    add_text(location, "further", address)
-
-
-def _persons(parent: Element, certificate: Certificate) -> None:
-    """Add who answers for the certificate: who approves it signs, else the operator."""
-    persons = [(certificate.approved_by, "approved by"), (certificate.operator, "operator")]
-    for number, (name, role) in enumerate(each for each in persons if each[0]):
-        person = add(parent, "respPerson")
-        add_text(add(person, "person"), "name", name)
-        add(person, "role", role)
-        add(person, "mainSigner", "true" if number == 0 else "false")

@@ -93,9 +93,10 @@ def course(name: str, role: str, table: pd.DataFrame, network: str, say: Texts) 
         top.fill_between(minutes, *limits, color=colour, alpha=0.2, lw=0)
         top.plot(minutes, table[f"{network}_{node}_degC"], color=colour, lw=1.1, label=label)
     for number, channel in enumerate(_bodies(table)):
+        body = channel.removeprefix("measured_").removesuffix("_degC").replace("_", " ")
         top.plot(minutes, table[channel], MARKS[number % len(MARKS)], color="0.35", ms=2.4, mew=0.5,
                  mfc="none", markevery=max(1, len(table) // 120),
-                 label=say("measured_node", body=_body_words(channel)))  # fmt: skip
+                 label=say("measured_node", body=body))  # fmt: skip
     top.plot(minutes, table["sink_degC"], color="0.55", lw=0.8, label=say("sink"))
     top.set_ylabel(say("temperature_degC"))
     top.set_title(f"{plain(name)} ({say(role)})", loc="left", fontsize=10, y=1.0)
@@ -141,11 +142,6 @@ def errors(
 def _bodies(table: pd.DataFrame) -> list[str]:
     """Return the columns of measured bodies beside the winding."""
     return [c for c in map(str, table.columns) if c.startswith("measured_") and c != MEASURED]
-
-
-def _body_words(column: str) -> str:
-    """Return a body as printed, such as `"end winding"`."""
-    return column.removeprefix("measured_").removesuffix("_degC").replace("_", " ")
 
 
 def _nodes(table: pd.DataFrame, network: str) -> list[str]:

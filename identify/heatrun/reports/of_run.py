@@ -66,12 +66,14 @@ def write_sheet(run: Run, folder: Path, certificate: Certificate | None = None) 
     titles = {name: each.title for name, each in result.models.items()}
     figures = draw(tables, draws, units, titles, certified, say, folder / "figures", attempts)
 
+    def whole() -> FitResult:
+        found = new_findings(attempts.findings, result.findings)
+        return judged(replace(result, findings=(*result.findings, *found)))
+
     @cache
     def content(num_failed: int) -> dict[str, Any]:
         """Return the words of the sheet, anew for each part that has failed so far."""
-        found = new_findings(attempts.findings, result.findings)
-        whole = judged(replace(result, findings=(*result.findings, *found)))
-        return sheet_content(whole, stated, say)
+        return sheet_content(whole(), stated, say)
 
     def first_figure() -> Figure:
         return _first_figure(run, tables, say, aspect_on_page_1(content(len(attempts.findings))))
@@ -92,10 +94,8 @@ def write_sheet(run: Run, folder: Path, certificate: Certificate | None = None) 
             None,
             where=name,
         )
-    found = new_findings(attempts.findings, result.findings)
-    whole = judged(replace(result, findings=(*result.findings, *found)))
     written = [folder / name for name in parts if (folder / name).exists()]
-    return Sheet(whole, [*written, *figures])
+    return Sheet(whole(), [*written, *figures])
 
 
 def with_sheet(run: Run, folder: RunFolder) -> FitResult:

@@ -6,7 +6,7 @@ Letters that no font here can draw stand on paper as their numbers, not as empty
 import json
 import shutil
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -46,7 +46,7 @@ def shown(content: Mapping[str, Any]) -> Shown:
     if not lost:
         return Shown(dict(content), bool(foreign))
     table = str.maketrans({c: f"[U+{ord(c):04X}]" for c in lost})
-    return Shown({key: _translated(each, table) for key, each in content.items()}, bool(foreign))
+    return Shown(in_texts(content, lambda text: text.translate(table)), bool(foreign))
 
 
 @cache
@@ -77,13 +77,14 @@ def _can_draw(letters: str, brought_alone: bool) -> bool:
     return True
 
 
-def _translated(value: Any, table: Mapping[int, str]) -> Any:
+def in_texts(value: Any, change: Callable[[str], str]) -> Any:
+    """Return a value with every text changed, at any depth of lists and objects."""
     if isinstance(value, str):
-        return value.translate(table)
+        return change(value)
     if isinstance(value, Mapping):
-        return {key: _translated(item, table) for key, item in value.items()}
+        return {key: in_texts(item, change) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_translated(item, table) for item in value]
+        return [in_texts(item, change) for item in value]
     return value
 
 
@@ -185,15 +186,10 @@ def aspect_on_page_1(content: Mapping[str, Any]) -> float:
 
 
 def _texts(content: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        **content, "certificate": breakable(content["certificate"]), "too_flat": TOO_FLAT
-    }  # fmt: skip
+    certificate = breakable(content["certificate"])
+    return {**content, "certificate": certificate, "too_flat": TOO_FLAT}
 
 
 def breakable(value: Any) -> Any:
-    """Return texts whose long words may break, at any depth of lists and objects."""
-    if isinstance(value, str):
-        return with_breaks(value, BREAKS_EVERY)
-    if isinstance(value, Mapping):
-        return {key: breakable(item) for key, item in value.items()}
-    return [breakable(item) for item in value] if isinstance(value, list) else value
+    """Return texts whose long words may break."""
+    return in_texts(value, lambda text: with_breaks(text, BREAKS_EVERY))

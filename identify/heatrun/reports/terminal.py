@@ -68,15 +68,12 @@ def findings_text(findings: Sequence[Finding], *, verbose: bool = False) -> str:
     lines = (
         printable(
             f"{_MARK[f.severity]}  {'' if f.where.startswith(f.test) else f'[{f.test}] '}"
-            f"{f.sentence()}  ({f.id}{_too(others)})"
+            f"{f.sentence()}  ({f.id}{f'; {names} too' if names else ''})"
         )
         for f, *others in alike.values()
+        for names in (", ".join(each.test for each in others),)
     )
     return "\n".join(dict.fromkeys(lines))  # parts of a file share what it says
-
-
-def _too(others: Sequence[Finding]) -> str:
-    return f"; {', '.join(each.test for each in others)} too" if others else ""
 
 
 MOST_LINES = 12

@@ -1,7 +1,8 @@
 """Least squares of many machines side by side, from one start and from many.
 
 Levenberg-Marquardt on whitened residuals. Each lane has its own step and its own end; a lane that
-has ended stands still until the last one has, or the steps are used up.
+has ended stands still until the last one has, or the steps are used up. The search for the noise is
+the same, with a curvature that it learns on the way.
 
 Each of many starts is a batch of the machines' searches for a few steps. By then most of a
 machine's searches have come together; of those that have, one goes on. All that with few, long
@@ -11,6 +12,7 @@ steps of the march; what is left at the end is searched again with the steps as 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
@@ -54,24 +56,27 @@ to its parameters there is no way back."""
 SHORT = 1e-4
 """Steps that may be the last ones [prior standard deviations]."""
 
+MOST_STEPS = 60
+"""Steps of a search for parameters or noise that starts near its end, or from a fair guess."""
+
 ROUNDING = 1e-10
 """Change of the cost that may be rounding alone, relative [1]."""
 
 
 class Normal(NamedTuple):
-    """Half the sum of squares at some scores, the prior included, its gradient and its Gauss-Newton
-    curvature [nat].
+    """What is made least at some scores, such as half the sum of squares with the prior, its
+    gradient and what is known of its curvature [nat].
     """
 
     cost: Float[Array, " machine"]
-    gradient: Float[Array, "parameter machine"]
-    curvature: Float[Array, "parameter parameter machine"]
+    gradient: Float[Array, "score machine"]
+    curvature: Float[Array, "score score machine"]
 
 
 class Search(NamedTuple):
     """Where searches stand, with the damping of the next step and the steps taken."""
 
-    z: Float[Array, "parameter machine"]
+    z: Float[Array, "score machine"]
     normal: Normal
     damping: Float[Array, " machine"]
     has_ended: Bool[Array, " machine"]
@@ -103,8 +108,11 @@ def units(z: Float[Array, "row lane"]) -> Float[Array, "row row lane"]:
     return jnp.broadcast_to(jnp.eye(z.shape[0])[:, :, None], (*z.shape[:1], *z.shape))
 
 
-def begun(start: Float[Array, "parameter machine"]) -> Search:
-    """Return searches that stand at their starts."""
+def begun(
+    start: Float[Array, "score machine"],
+    curvature: Float[Array, "score score machine"] | None = None,
+) -> Search:
+    """Return searches that stand at their starts, with what is known of the curvature there."""
     num_machines = start.shape[1]
     return Search(
         z=start,
@@ -112,7 +120,7 @@ def begun(start: Float[Array, "parameter machine"]) -> Search:
         normal=Normal(
             jnp.full(num_machines, jnp.inf, dtype=float),
             jnp.zeros_like(start),
-            units(start),
+            units(start) if curvature is None else curvature,
         ),
         damping=jnp.full(num_machines, DAMPING, dtype=float),
         has_ended=jnp.zeros(num_machines, dtype=bool),
@@ -121,8 +129,8 @@ def begun(start: Float[Array, "parameter machine"]) -> Search:
 
 
 def _step(
-    now: Normal, damping: Float[Array, " machine"], held: Bool[Array, "parameter machine"]
-) -> Float[Array, "parameter machine"]:
+    now: Normal, damping: Float[Array, " machine"], held: Bool[Array, "score machine"]
+) -> Float[Array, "score machine"]:
     """Return the damped step, no longer than `LONGEST_STEP`; held scores stay.
 
     It is shortened and not damped more: a damped step goes down the steepest way and then creeps,
@@ -138,16 +146,19 @@ def _step(
     return step * jnp.minimum(1.0, LONGEST_STEP / jnp.maximum(length, 1e-300))
 
 
-@compiled("structure")
-def search(
-    structure: Structure,
-    machines: Machines,
+Look = Callable[[Float[Array, "score machine"], Normal, Float[Array, "score machine"]], Normal]
+"""Returns what is found at some scores, given what was known before a step, and the step."""
+
+
+def descended(
     state: Search,
-    noise: Noise,
     most: Int[Array, ""],
-    held: Bool[Array, "parameter machine"],
+    look: Look,
+    held: Bool[Array, "score machine"],
+    low: Float[Any, "score 1"] | float = -FARTHEST,
+    high: Float[Any, "score 1"] | float = FARTHEST,
 ) -> Search:
-    """Go on with a search for each lane; arguments as `normal_equations`.
+    """Go on with a search for each lane, within limits.
 
     There are at most so many steps, those of earlier calls included; held scores stay as they are.
     """
@@ -158,28 +169,43 @@ def search(
     def advance(state: Search) -> Search:
         z, now, damping, has_ended, num_steps = state
         is_first = jnp.isinf(now.cost)
-        step = _step(now, damping, held)
+        # beyond its limit no score goes, wherever the slope leads
+        stays = ((z <= low) & (now.gradient > 0.0)) | ((z >= high) & (now.gradient < 0.0))
+        step = jnp.clip(z + _step(now, damping, held | stays), low, high) - z
         foreseen = -jnp.sum(step * now.gradient, axis=0) - 0.5 * jnp.einsum(
             "iw,ijw,jw->w", step, now.curvature, step
         )
-        ahead = normal_equations(structure, machines, z + step, noise)
+        ahead = look(z + step, now, step)
         gain = (now.cost - ahead.cost) / jnp.maximum(foreseen, 1e-300)
         # the gain of the last steps drowns in the rounding of the cost
-        rounding = ROUNDING * (1.0 + now.cost)
+        rounding = ROUNDING * (1.0 + jnp.abs(now.cost))
         length = jnp.max(jnp.abs(step), axis=0)
         is_last = (foreseen < rounding) & (ahead.cost - now.cost < rounding) & (length < SHORT)
-        is_within = jnp.max(jnp.abs(z + step), axis=0) < FARTHEST
-        is_taken = (is_first | (is_within & (gain > POOR)) | is_last) & ~has_ended
-        is_small = length < TOLERANCE
+        is_taken = (is_first | (gain > POOR) | is_last) & ~has_ended & jnp.isfinite(ahead.cost)
         z = jnp.where(is_taken, z + step, z)
         now = jax.tree.map(lambda new, old: jnp.where(is_taken, new, old), ahead, now)
         less = jnp.where((gain > GOOD) | is_last, LESS, 1.0)
         factor = jnp.where(is_taken, less, MORE)
         damping = jnp.where(has_ended | is_first, damping, damping * factor)
-        has_ended |= (is_taken & is_small & ~is_first) | (damping > MOST)
+        has_ended |= (is_taken & (length < TOLERANCE) & ~is_first) | (damping > MOST)
         return Search(z, now, damping, has_ended, num_steps + ~has_ended)
 
     return jax.lax.while_loop(unfinished, advance, state)
+
+
+@compiled("structure")
+def search(
+    structure: Structure,
+    machines: Machines,
+    state: Search,
+    noise: Noise,
+    most: Int[Array, ""],
+    held: Bool[Array, "parameter machine"],
+) -> Search:
+    """Go on with searches of least squares; arguments as `normal_equations` and `descended`."""
+    return descended(
+        state, most, lambda z, *_: normal_equations(structure, machines, z, noise), held
+    )
 
 
 NUM_STEPS = 2

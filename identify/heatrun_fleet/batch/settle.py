@@ -20,12 +20,8 @@ from heatrun.model.problem import Problem, Structure
 
 from .march import Machines
 from .residuals import Means
-from .restricted import Linear, NoiseSearch, begun, search_noise
-from .search import Search, kept, linearise, search
-from .search import begun as search_begun
-
-MOST_STEPS = 60
-"""Steps of a search for parameters or noise that starts near its end, or from a fair guess."""
+from .restricted import Linear, noise_begun, search_noise
+from .search import MOST_STEPS, Search, begun, kept, linearise, search
 
 BEFORE_CORNERS = 25
 """Steps of a search after which a delay of next to nothing is held at none: it may be most probable
@@ -69,12 +65,12 @@ def settle(
             noise, has_rival = _first_noise(machines, linear)
         else:
             # the second derivative that the last turn has found still holds
-            again = begun(noise.noise_z)._replace(curvature=noise.curvature)
-            noise = search_noise(machines, linear, again, jnp.asarray(MOST_STEPS))
-        found, held = _searched(structure, machines, z, from_scores(noise.noise_z), held)
+            again = noise_begun(noise.z, noise.normal.curvature)
+            noise = search_noise(machines, linear, again)
+        found, held = _searched(structure, machines, z, from_scores(noise.z), held)
         shift = jnp.max(jnp.abs(found.z - z), axis=0)
         has_ended = found.has_ended & noise.has_ended
-        now = Settled(found.z, noise.noise_z, found.normal.cost, shift, has_ended, has_rival)
+        now = Settled(found.z, noise.z, found.normal.cost, shift, has_ended, has_rival)
         if state is not None:
             now: Settled = kept(is_done, state, now)
         state, z = now, now.z
@@ -114,17 +110,17 @@ def _searched(
     def ahead(state: Search, most: int, held: np.ndarray) -> Search:
         return search(structure, machines, state, noise, jnp.asarray(most), jnp.asarray(held))
 
-    found = ahead(search_begun(z), BEFORE_CORNERS, held)
+    found = ahead(begun(z), BEFORE_CORNERS, held)
     ended = np.asarray(found.has_ended)
     near = near_corner(structure.form, np.asarray(found.z)) & ~ended & ~held
     if np.any(near):
         held, is_new = held | near, jnp.asarray(near.any(axis=0))
-        at = search_begun(jnp.where(jnp.asarray(near), 0.0, found.z))
+        at = begun(jnp.where(jnp.asarray(near), 0.0, found.z))
         found = ahead(kept(is_new, at, found), MOST_STEPS, held)
     if np.any(held):
         # the first step is none: the slopes on the two sides, and no more
         before, after = (
-            np.asarray(ahead(search_begun(found.z + side * held), 1, held).normal.gradient)
+            np.asarray(ahead(begun(found.z + side * held), 1, held).normal.gradient)
             for side in (-SIDE, SIDE)
         )
         stays = is_corner(before, after, held)
@@ -135,7 +131,7 @@ def _searched(
     return found, held
 
 
-def _first_noise(machines: Machines, linear: Linear) -> tuple[NoiseSearch, Bool[Array, " machine"]]:
+def _first_noise(machines: Machines, linear: Linear) -> tuple[Search, Bool[Array, " machine"]]:
     """Return the most probable noise, and whether another is as probable.
 
     Where the likelihood has two maxima, so has that of the residuals as they are, which costs next
@@ -151,29 +147,28 @@ def _first_noise(machines: Machines, linear: Linear) -> tuple[NoiseSearch, Bool[
         [group.rows.heat[:, :0] for group in machines.groups],
     )
     tried = [
-        search_noise(none, bare, begun(start), jnp.asarray(MOST_STEPS))
+        search_noise(none, bare, noise_begun(start))
         for start in _noise_starts(machines, linear.means)
     ]
     first, is_alone = _best(tried)
     of_first = _with_parameters(machines, linear, first)
     has_rival = jnp.zeros_like(is_alone)
-    is_alone |= ~jnp.isfinite(first.value)
+    is_alone |= ~jnp.isfinite(first.normal.cost)
     if bool(jnp.all(is_alone)):
         return of_first, has_rival
     others = [_with_parameters(machines, linear, each) for each in tried]
     best, _ = _best([of_first, *others])
     for each in others:
-        is_far = jnp.max(jnp.abs(each.noise_z - best.noise_z), axis=0) > TOGETHER
-        has_rival |= is_far & (each.value - best.value < RIVAL)
+        is_far = jnp.max(jnp.abs(each.z - best.z), axis=0) > TOGETHER
+        has_rival |= is_far & (each.normal.cost - best.normal.cost < RIVAL)
     return kept(is_alone, of_first, best), has_rival & ~is_alone
 
 
-def _with_parameters(machines: Machines, linear: Linear, found: NoiseSearch) -> NoiseSearch:
+def _with_parameters(machines: Machines, linear: Linear, found: Search) -> Search:
     """Return the noise with the parameters integrated out, searched from that without them."""
     place = NOISE.index(HEAT)
-    curvature = found.curvature.at[place, place].set(HEAT_CURVATURE)
-    start = begun(found.noise_z)._replace(curvature=curvature)
-    return search_noise(machines, linear, start, jnp.asarray(MOST_STEPS))
+    curvature = found.normal.curvature.at[place, place].set(HEAT_CURVATURE)
+    return search_noise(machines, linear, noise_begun(found.z, curvature))
 
 
 RIVAL = 1e-3
@@ -183,17 +178,17 @@ HEAT_CURVATURE = 5.0
 """Second derivative by the size of the heat that a search begins with [nat]."""
 
 
-def _best(found: list[NoiseSearch]) -> tuple[NoiseSearch, Bool[Array, " machine"]]:
+def _best(found: list[Search]) -> tuple[Search, Bool[Array, " machine"]]:
     """Return the best of some searches, and whether all have come together there."""
     stacked = jax.tree.map(lambda *parts: jnp.stack(parts, axis=-1), *found)
-    place = jnp.argmin(stacked.value, axis=-1)
+    place = jnp.argmin(stacked.normal.cost, axis=-1)
 
     def taken(values: Array) -> Array:
         places = jnp.broadcast_to(place, values.shape[:-1])[..., None]
         return jnp.take_along_axis(values, places, axis=-1)[..., 0]
 
     best = jax.tree.map(taken, stacked)
-    apart = jnp.max(jnp.abs(stacked.noise_z - best.noise_z[..., None]), axis=(0, 2))
+    apart = jnp.max(jnp.abs(stacked.z - best.z[..., None]), axis=(0, 2))
     return best, apart < TOGETHER
 
 

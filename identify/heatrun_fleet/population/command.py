@@ -10,12 +10,9 @@ from typing import TYPE_CHECKING, Any
 from heatrun.commands import words
 from heatrun.commands.console import DONE, NOT_ALLOWED, printable, say
 from heatrun.errors import UsageError
-from heatrun.io.quantities import aligned, clean, printed_unit, rounded
+from heatrun.io.quantities import aligned, clean
 
 if TYPE_CHECKING:
-    from heatrun.results.discovery import ValueWithInterval
-
-    from ..results import PopulationMachine, PopulationParameter, PopulationResult
     from .job import Written
 
 
@@ -111,88 +108,42 @@ MOST_NAMED = 10
 
 PARQUET_HINT = 'population.parquet needs pyarrow: pip install "heatrun[fleet]"'
 
+HEADS = ("", "median (95 %)", "spread (95 %)", "95 % of the machines (at 95 %)")
+
 
 def population_text(written: Written) -> str:
-    """Return a population, or why there is none."""
+    """Return a population in the words of its sheet, or why there is none."""
+    from .sheet import type_sheet_content  # slow to import
+
     named = f"Type {clean(written.type)}" if written.type else "Machines without a type"
     if written.result is None:
         return f"{named}: no population. {written.refusal}"
-    lines = [f"Folder: {written.files[0].parent}", *(f"  {path.name}" for path in written.files)]
+    files = [f"Folder: {written.files[0].parent}", *(f"  {path.name}" for path in written.files)]
     if not any(path.suffix == ".parquet" for path in written.files):
-        lines.append(f"  {PARQUET_HINT}")
-    return "\n".join([*_lines(written.result, named), "", *lines])
+        files.append(f"  {PARQUET_HINT}")
+    return "\n".join([*_lines(type_sheet_content(written.result), named), "", *files])
 
 
-def _lines(result: PopulationResult, named: str) -> list[str]:
-    out = f", {len(result.left_out)} left out" if result.left_out else ""
-    lines = [f"{named}: {result.num_machines} machines{out}."]
-    lines += [f"  left out {clean(each.name)}: {each.reason}"
-              for each in result.left_out[:MOST_NAMED]]  # fmt: skip
-    if len(result.left_out) > MOST_NAMED:
-        lines.append(f"  and {len(result.left_out) - MOST_NAMED} more, all in the files.")
-    lines += [f"  note: {note}" for note in result.notes]
-    lines += _table(result.parameters)
-    for label, covariate in result.covariate_columns.items():
-        effects = ", ".join(
-            f"{name} {_change(each, result.parameters[name])}"
-            for name, each in covariate.over_range.items()
-        )
-        over = f" from {covariate.first} to {covariate.last}" if covariate.first else ""
-        against = f" against {covariate.reference}" if covariate.reference else ""
-        lines.append(f"  {label}{against}{over}: {effects}")
-    lines += _outliers(result.machines, "does not fit", "parameter", "that do not fit")
-    if result.noise:
-        lines += ["  noise, and heat that the network misses:", *_table(result.noise.parameters)]
-        lines += _outliers(result.noise.machines, "another noise", "one", "with another noise")
+def _lines(said: Mapping[str, Any], named: str) -> list[str]:
+    lines = [f"{named}: {said['sentence']}"]
+    lines += _first(said["left_out"], said["more_left_out"], "left out {}: {}")
+    lines += [f"  note: {note}" for note in said["notes"]]
+    lines += _table(said["parameters"])
+    lines += [f"  {what}: {changes}" for what, changes in said["covariates"]]
+    outlier = "{} (probability {}; different: {})"
+    lines += _first(said["outliers"], said["more_outliers"], f"does not fit: {outlier}")
+    if said["noise"]:
+        lines += ["  noise, and heat that the network misses:", *_table(said["noise"])]
+        more = said["more_noise_outliers"]
+        lines += _first(said["noise_outliers"], more, f"another noise: {outlier}")
     return lines
 
 
-def _outliers(
-    machines: Sequence[PopulationMachine], verdict: str, single: str, more: str
-) -> list[str]:
-    outliers = [machine for machine in machines if machine.is_outlier]
-    lines = [
-        f"  {verdict}: {clean(machine.name)} (probability {machine.outlier_probability:.2f}; "
-        f"different: {', '.join(machine.different) or f'no single {single}'})"
-        for machine in outliers[:MOST_NAMED]
-    ]
-    if len(outliers) > MOST_NAMED:
-        lines.append(f"  and {len(outliers) - MOST_NAMED} more {more}.")
-    return lines
+def _table(rows: Sequence[Sequence[str]]) -> list[str]:
+    return aligned([HEADS, *(row[: len(HEADS)] for row in rows)], "  ")
 
 
-def _table(parameters: Mapping[str, PopulationParameter]) -> list[str]:
-    heads = ("", "median (95 %)", "spread (95 %)", "95 % of the machines (at 95 %)")
-    return aligned([heads, *(_row(name, said) for name, said in parameters.items())], "  ")
-
-
-def _row(name: str, said: PopulationParameter) -> tuple[str, str, str, str]:
-    unit = printed_unit(said.unit)
-    low, high = said.tolerance_95_95
-    limits = f"{rounded(low, 4)} … {rounded(high, 4)} {unit}".rstrip()
-    if said.transform == "linear":
-        spread = f"{_ranged(said.spread, 3)} {unit}".rstrip()
-    else:
-        value, *ends = (100 * each for each in (said.spread.value, *said.spread.interval_95))
-        spread = f"{value:.1f} ({ends[0]:.1f} … {ends[1]:.1f}) %"
-    return (
-        name,
-        f"{_ranged(said.median)} {unit}".rstrip(),
-        spread,
-        limits if said.tells((low, high)) else "not determined",
-    )
-
-
-def _change(entry: ValueWithInterval, parameter: PopulationParameter) -> str:
-    """Return what a covariate does to a parameter."""
-    from heatrun.reports.printed import signed
-
-    if parameter.transform == "linear":
-        return f"{_ranged(entry, 3)} {printed_unit(parameter.unit)}".rstrip()
-    said, low, high = (signed(100 * each, 1) for each in (entry.value, *entry.interval_95))
-    return f"{said} ({low} … {high}) %"
-
-
-def _ranged(entry: ValueWithInterval, digits: int = 4) -> str:
-    low, high = (rounded(end, digits) for end in entry.interval_95)
-    return f"{rounded(entry.value, digits)} ({low} … {high})"
+def _first(rows: Sequence[Sequence[str]], more: int, form: str) -> list[str]:
+    lines = [f"  {form.format(*row)}" for row in rows[:MOST_NAMED]]
+    more += len(rows) - len(lines)
+    return [*lines, f"  and {more} more, all in the files."] if more else lines

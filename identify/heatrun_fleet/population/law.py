@@ -15,35 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-
-def cholesky(matrix: Float[Array, "row row"]) -> Float[Array, "row row"]:
-    """Return the lower factor of a positive definite matrix.
-
-    Batches of factorisations inside compiled code are shared among XLA's threads, which wait for
-    one another for ever where two of them run at once: a population of 300 machines on two cores
-    stood still. Rank-one updates, as many as a machine has parameters, have no such trouble and are
-    faster.
-    """
-    size = matrix.shape[0]
-    rest, columns = matrix, []
-    for pivot in range(size):
-        below = jnp.arange(size) >= pivot
-        column = jnp.where(below, rest[:, pivot] / jnp.sqrt(rest[pivot, pivot]), 0.0)
-        rest = rest - column[:, None] * column
-        columns.append(column)
-    return jnp.stack(columns, axis=1)
-
-
-def solve_lower(
-    factor: Float[Array, "row row"], right: Float[Array, "row ..."]
-) -> Float[Array, "row ..."]:
-    """Return x with factor x = right, of a lower triangular factor."""
-    rows = []
-    for pivot in range(factor.shape[0]):
-        rows.append(right[pivot] / factor[pivot, pivot])
-        right = right - jnp.tensordot(factor[:, pivot], rows[-1], axes=0)
-    return jnp.stack(rows)
-
+from heatrun.model.noise import eliminated
 
 MOST_CANCELLED = 1e12
 """Size of terms that cancel, of which rounding leaves 1e-3 nat; a spread a million times that of
@@ -187,15 +159,15 @@ def log_marginal(
     Minus infinity where the law is so wide, or so far from the machine, that rounding leaves
     nothing of it.
     """
-    inner, root, half = _solved(centre, factor, information, precision)
+    pull = factor.T @ (information - precision @ centre)
+    inner = factor.T @ precision @ factor
+    rest, half_log_det = _eliminated(inner, pull[:, None])
     at_centre = information @ centre - 0.5 * centre @ precision @ centre
-    gained = 0.5 * half @ half
-    # beyond, the identity within `inner` and the difference of the two terms are noise: a draw in
+    gained = -0.5 * rest[0, 0]
+    # beyond, the identity beside `inner` and the difference of the two terms are noise: a draw in
     # the far tail of a proposal once had a density 20 000 nat above the mode
     largest = jnp.maximum(jnp.max(jnp.diag(inner)), jnp.abs(at_centre) + gained)
-    is_left = largest < MOST_CANCELLED
-    value = at_centre + gained - jnp.sum(jnp.log(jnp.diag(root)))
-    return jnp.where(is_left, value, -jnp.inf)
+    return jnp.where(largest < MOST_CANCELLED, at_centre + gained - half_log_det, -jnp.inf)
 
 
 def given_machine(
@@ -204,15 +176,14 @@ def given_machine(
     information: Float[Array, " parameter"],
     precision: Float[Array, "parameter parameter"],
 ) -> tuple[Float[Array, " parameter"], Float[Array, "parameter parameter"]]:
-    """Return mean and Cholesky-like factor F (covariance F F') of a machine under a law."""
-    _, root, half = _solved(centre, factor, information, precision)
-    inverse = solve_lower(root, factor.T)  # root^-1 C'
-    return centre + inverse.T @ half, inverse.T
-
-
-def _solved(centre: Array, factor: Array, information: Array, precision: Array) -> list[Array]:
-    """Return I + C' L C, its lower factor, and what this factor times gives C' (h - L m)."""
+    """Return mean and covariance of a machine under a law."""
     pull = factor.T @ (information - precision @ centre)
-    inner = jnp.eye(centre.size) + factor.T @ precision @ factor
-    root = cholesky(inner)
-    return [inner, root, solve_lower(root, pull)]
+    beside = jnp.concatenate([pull[:, None], factor.T], axis=1)
+    rest, _ = _eliminated(factor.T @ precision @ factor, beside)
+    return centre - rest[0, 1:], -rest[1:, 1:]
+
+
+def _eliminated(inner: Array, beside: Array) -> tuple[Array, Array]:
+    """Return -B' inv(I + A) B of such columns, and half the log determinant of I + A."""
+    nothing = jnp.zeros((beside.shape[1],) * 2)
+    return eliminated(jnp.block([[inner, beside], [beside.T, nothing]]), inner.shape[0])

@@ -288,12 +288,11 @@ def _under(design, information, precision, law, *, has_outliers):
     centre = law.mean + design @ law.effects
     mean, second = jnp.zeros_like(centre), jnp.zeros(precision.shape)
     for share, factor in ((1.0 - outlier, law.factor), (outlier, OUTLIER_SCALE * law.factor)):
-        at, root = jax.vmap(lambda c, h, L, f=factor: given_machine(c, f, h, L))(
+        at, around = jax.vmap(lambda c, h, L, f=factor: given_machine(c, f, h, L))(
             centre, information, precision
         )
         mean += share[:, None] * at
-        moment = root @ jnp.swapaxes(root, -1, -2) + at[:, :, None] * at[:, None, :]
-        second += share[:, None, None] * moment
+        second += share[:, None, None] * (around + at[:, :, None] * at[:, None, :])
     return mean, second, outlier, centre
 
 

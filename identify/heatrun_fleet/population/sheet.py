@@ -50,7 +50,7 @@ def type_sheet_content(result: PopulationResult) -> dict[str, Any]:
     names = list(result.parameters)
     main = _section(result)
     noise = _section(result.noise) if result.noise else {}
-    return breakable({
+    return {
         "title": clean(result.type) or "Machines without a type",
         "foot": clean(result.type)[:LONGEST_FOOT],
         "version": f"heatrun {result.heatrun}",
@@ -80,7 +80,7 @@ def type_sheet_content(result: PopulationResult) -> dict[str, Any]:
         "more_left_out": max(0, len(result.left_out) - MOST_LISTED),
         "method": _method(result),
         "assumed": main["assumed"] + noise.get("assumed", []),
-    })  # fmt: skip
+    }
 
 
 def _section(part: PopulationResult | PopulationNoise) -> dict[str, Any]:
@@ -419,7 +419,7 @@ TEMPLATE = resources.files("heatrun_fleet.population") / "type.typ"
 
 def write_type_sheet(result: PopulationResult, path: Path) -> Path:
     """Draw the figures of a type and set its sheet as PDF, written whole or not at all."""
-    content = type_sheet_content(result)
+    content = breakable(type_sheet_content(result))
     num = len(shown_machines(result.machines))
     thinned = "" if num == len(result.machines) else (
         f" {num} of {len(result.machines)} machines are drawn, with all that do not fit."
