@@ -1,6 +1,6 @@
 """Study of the honesty of the intervals: `make study-coverage`.
 
-Writes rows, gates, tables and figures under `results/coverage/`. Seed 1000 was used to tune;
+Writes rows, gates and tables under `results/coverage/`. Seed 1000 was used to tune;
 reports use seed 70000 (50000 was reported before the noise of block means was mended, 60000 before
 the heat that a network misses had a prior). Rows go to a file as they come; a run that was killed
 goes on from there.
@@ -9,9 +9,7 @@ goes on from there.
 import gzip
 import json
 import os
-import platform
 from collections.abc import Iterator, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -24,18 +22,15 @@ from coverage_gates import (
     MISSPECIFIED,
     NETWORK,
     TIMES,
-    binomial_limits,
     chosen,
     coverage,
-    draw_coverage,
-    draw_ranks,
     gates,
     histogram,
     is_inside,
     rank,
 )
-from gate_rows import heads
-from study_runs import Row, options_of, rows_as_they_come
+from gate_rows import heads, percent_95
+from study_runs import Row, about, options_of, rows_as_they_come
 
 from heatrun.posterior.identifiability import BETWEEN_K
 
@@ -97,7 +92,7 @@ their guard held or not), *emcee* the ensembles. Fits start from 4 points. Limit
 """
 
 MISSES = """\
-*Within chance*: the binomial limits reach into what was wanted. What is known of the others:
+What is known of those that are outside beyond what so few can show:
 
 - *truncated*, end of the held-out test: a logger that cuts off reads half a step low, at the end of
   the test as at every moment before; the network follows the readings.
@@ -128,8 +123,7 @@ def main() -> None:
     words = f"--seed {options.seed}"
     if options.only:
         words += f' --share {options.share:g} --only "{options.only}"'
-    found = [] if options.only else gates(rows)  # they are for all cells
-    write(rows, found, options.out, words, options.seed, len(wanted))
+    write(rows, options.out, words, options.seed, len(wanted), has_gates=not options.only)
     if len(rows) == len(wanted):
         path.unlink(missing_ok=True)
 
@@ -157,28 +151,16 @@ def jobs(seed: int, share: float) -> Iterator[Row]:
 
 
 def write(
-    rows: list[Row], found: list[Row], out: Path, words: str, seed: int, planned: int
+    rows: list[Row], out: Path, words: str, seed: int, planned: int, *, has_gates: bool
 ) -> None:
     rows = sorted(rows, key=lambda row: (list(NUM_RECORDS).index(row["cell"]), row["index"]))
-    packages = ("heatrun", "jax", "numpy", "scipy", "optimistix", "emcee")
-    content = {
-        "command": f"make study-coverage (coverage_study.py {words})",
-        "seed": seed,
-        "tuning_seed": TUNING_SEED,
-        "machine": f"{platform.system()} {platform.machine()}, one thread per process",
-        "python": platform.python_version(),
-        "versions": {name: version(name) for name in packages},
-        "cpu_s": sum(row["cpu_s"] for row in rows),
-        "planned": planned,
-        "records": {c: sum(r["cell"] == c for r in rows) for c in NUM_RECORDS},
-        "gates": found,
-    }
+    content = about(seed, planned, f"make study-coverage (coverage_study.py {words})")
+    content |= {"tuning_seed": TUNING_SEED, "cpu_s": sum(row["cpu_s"] for row in rows)}
     (out / "study.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    found = gates(rows) if has_gates else []  # they are for all cells
     (out / "table.md").write_text(table(rows, found, content), encoding="utf-8")
     lines = "".join(json.dumps(_short(row)) + "\n" for row in rows).encode()
     (out / "rows.jsonl.gz").write_bytes(gzip.compress(lines, mtime=0))
-    draw_coverage(rows, out / "coverage.png")
-    draw_ranks(rows, out / "ranks.png")
 
 
 def _short(value: Any) -> Any:
@@ -193,7 +175,7 @@ def _short(value: Any) -> Any:
     return float(f"{value:.5g}") if isinstance(value, float) else value
 
 
-def table(rows: Sequence[Row], found: Sequence[Row], content: Row) -> str:
+def table(rows: Sequence[Row], found: Sequence[str], content: Row) -> str:
     lines = [
         "# Are the intervals honest?",
         "",
@@ -205,7 +187,8 @@ def table(rows: Sequence[Row], found: Sequence[Row], content: Row) -> str:
         READING,
     ]
     if found:
-        lines += _gates(found)
+        lines += ["## Gates", "", *heads("what | wanted | measured | 95 % limits | "), *found]
+        lines += ["", MISSES, ""]
     cells = list(dict.fromkeys(row["cell"] for row in rows))
     lines += ["## Coverage of 50, 90 and 95 % intervals [%]", ""]
     names = (*NETWORK, *TIMES, "end")
@@ -223,19 +206,6 @@ def table(rows: Sequence[Row], found: Sequence[Row], content: Row) -> str:
     lines += _ranks(rows)
     lines += _guards(rows, cells)
     return "\n".join(lines) + "\n"
-
-
-def _gates(found: Sequence[Row]) -> list[str]:
-    lines = ["## Gates", ""]
-    lines += heads("what | cell | wanted | measured | 95 % limits | records | ")
-    for gate in found:
-        missed = "**MISSED**, within chance" if gate["is_chance"] else "**MISSED**"
-        mark = "met" if gate["holds"] else missed
-        lines.append(
-            f"| {gate['what']} | {gate['cell']} | {gate['wanted']} | {gate['measured']} | "
-            f"{gate['limits'] or '–'} | {gate['cases']} | {mark} |"
-        )
-    return [*lines, "", MISSES, ""]
 
 
 def _coverage_line(cell: str, method: str, rows: Sequence[Row], names: Sequence[str]) -> str:
@@ -261,8 +231,8 @@ def _by_duration(rows: Sequence[Row]) -> list[str]:
                 parts = []
                 for name in NETWORK:
                     share = coverage(rank(some, "quick", name), 0.95)
-                    low, high = binomial_limits(share, len(some))
-                    parts.append(f"{100 * share:.0f} ({100 * low:.0f}…{100 * high:.0f})")
+                    limits = percent_95(round(share * len(some)), len(some))
+                    parts.append(f"{100 * share:.0f} ({limits.removesuffix(' %')})")
                 lines.append(f"| {cell} | {label} | {len(some)} | {' | '.join(parts)} |")
     return [*lines, ""]
 
