@@ -59,45 +59,6 @@ HURRY = {"as declared": 0.75, "prior draws": 0.75}
 
 METHODS = ("laplace", "quick", "emcee")
 
-READING = """\
-Motors at random over a decade in size, cold tests of 30, 60 and 90 min (one to three slow time
-constants, staircase, constant load, duty and drive cycle in turn), integrated by the
-simulated bench of `data/synthetic`, which shares no code with the packages. The winding is read at
-1 Hz, the rest at 4 Hz. Noise of the winding
-sensor: Ornstein-Uhlenbeck of 0.1…0.5 K and 5…120 s, white of 0.05…0.2 K per sample, resolution 0.1
-or 1 K; losses with 1 % of noise per sample. Held-out tests are twice as long, of another kind,
-judged on 30 s means. Record i of every cell has the same motor, tests and standard scores of errors
-and noise.
-
-- *as declared*: type B errors of the bench drawn from the priors that heatrun states (losses 1 %,
-  sensor 0.5 % and 0.5 K, sink 0.5 K, resistance 1 %).
-- *exact instruments*: no such errors, and the motor file says so. The cells of misspecified noise
-  are like this one but for the noise: *slower* (×4 in time), *stronger* (×2 in level), one that
-  *doubles* half way, and *heavy tails* (Student t, 3 degrees of freedom).
-- *truncated*: as declared, but the logger cuts off instead of rounding.
-- *large errors*: losses 2 %, sensor offset 1 K, resistance 3 %; once declared in the motor file,
-  once not (heatrun's own priors stand). *errors taken as none*: as declared, but the file says
-  exact.
-- *point samples at 1 Hz*: exact instruments, but current and power are sampled once a second
-  without averaging, while torque ramps in half a second.
-- *unevenly soaked*: exact instruments, but the stator starts 1 K (standard deviation) from the
-  winding, as the prior of the fit grants; in all other cells both start at ambient temperature.
-- *prior draws*: network, noise and heat that the network misses drawn from the priors of the fit
-  (network ±30 % about the reference motor, stated in the file; heat into both nodes, in all other
-  cells there is none), 60 min tests: simulation-based calibration.
-
-Methods: *laplace* is the covariance at the fit, *quick* the weighted draws (all of them, whether
-their guard held or not), *emcee* the ensembles. Fits start from 4 points. Limits are 95 % binomial
-(Clopper-Pearson).
-"""
-
-MISSES = """\
-What is known of those that are outside beyond what so few can show:
-
-- *truncated*, end of the held-out test: a logger that cuts off reads half a step low, at the end of
-  the test as at every moment before; the network follows the readings.
-"""
-
 
 def main() -> None:
     parser = options_of(__doc__, "coverage", REPORTING_SEED)
@@ -184,11 +145,13 @@ def table(rows: Sequence[Row], found: Sequence[str], content: Row) -> str:
         f"tuning used seed {content['tuning_seed']} alone. "
         f"{content['cpu_s'] / 60:.0f} min of one processor, compilation included.",
         "",
-        READING,
+        "Cells and methods are explained in `results/coverage/README.md`. Limits are 95 % binomial "
+        "(Clopper-Pearson).",
+        "",
     ]
     if found:
         lines += ["## Gates", "", *heads("what | wanted | measured | 95 % limits | "), *found]
-        lines += ["", MISSES, ""]
+        lines += [""]
     cells = list(dict.fromkeys(row["cell"] for row in rows))
     lines += ["## Coverage of 50, 90 and 95 % intervals [%]", ""]
     names = (*NETWORK, *TIMES, "end")
