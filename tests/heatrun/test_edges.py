@@ -122,18 +122,6 @@ def test_gaps_of_one_sample_change_nothing_but_a_little(machine):
     assert np.all(np.abs(one.z - two.z)[network] < 0.3 * sd[network])
 
 
-def test_a_record_at_a_millisecond_is_reduced_exactly(machine):
-    record = simulated(1e-3, 2, (0, 120))
-    blocks = reduce(record, machine)
-    energy = float(np.sum(np.asarray(blocks.inputs.losses)) * float(blocks.inputs.step))
-    time, losses = record.time_s, record["losses_W"]
-    held = blocks.inputs.num_time * float(blocks.inputs.step) - time[-1]
-    inside = float(np.sum(0.5 * np.diff(time) * (losses[1:] + losses[:-1])))
-    expected = inside + held * losses[-1]
-    # both sum 120,000 numbers: rounding alone
-    assert energy == pytest.approx(expected, rel=1e-10)
-
-
 @pytest.mark.parametrize(
     ("make", "ids"),
     [
