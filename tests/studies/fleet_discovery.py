@@ -73,15 +73,12 @@ def run(case: Row) -> Row:
     drawn = hidden_fleet.fleet(case["num"], case["seed"], hidden, amplitude, bench)
     evidence = evidence_of_fleet(drawn.tests)
     found = discover_type("A", evidence, THERMAL, seed=case["seed"])
-    top = max(found.screened, key=lambda each: each.statistic)
     row = {
         **{key: case[key] for key in ("kind", "name", "num", "seed")},
         "amplitude": amplitude,
         "num_machines": found.num_machines,
         "num_alone": found.num_alone,
         "verdict": found.verdict,
-        "critical": found.critical,
-        "top": [top.id, top.statistic],
         "effects": found.effects,
         "traces": found.traces,
         "could_show_K": np.median([e.could_show_K for e in found.screened]),

@@ -125,7 +125,6 @@ def run(job: Row) -> Row:
     structure = structure_fitted(case, job["seed"])
     row = {
         **job, "tests": list(case.tests), "drawn": machine.drawn, "truth": case.truth(),
-        "bench": case.bench, "physics": machine.physics, "rated": machine.rated,
         "structure": structure | {"processor_s": time.process_time() - begin},
         "imperfections": {
             cause: {"alone_K": alone, "refit_K": structure["refit_K"][cause],
