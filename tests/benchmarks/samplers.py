@@ -1,10 +1,14 @@
 """Posteriors: emcee on heatrun's density beside a numba one, and beside NUTS and PINTS."""
 
+import sys
 import time
-import warnings
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "crosschecks"))
+
+import chains
 import emcee
 import jax
 import jax.numpy as jnp
@@ -16,7 +20,7 @@ from rows import Row, duration, needs, seconds
 
 from heatrun.fit.fit import fit
 from heatrun.fit.fit_result import Fit
-from heatrun.model.problem import NUM_NOISE, log_posterior, log_posterior_batch
+from heatrun.model.problem import NUM_NOISE, log_posterior_batch
 from heatrun.posterior.importance import importance_sample
 from heatrun.posterior.posterior import sample
 
@@ -104,14 +108,15 @@ def effective_draws(made: dict, small: bool) -> list[Row]:
     rows.append(Row(SECTION, "1000 effective draws, heatrun's emcee", 1000 * taken / size, "s",
                     None, said))  # fmt: skip
     steps = (50, 50) if small else (500, 1000)
-    for name, build in (("numpyro NUTS", _numpyro), ("blackjax NUTS", _blackjax)):
-        draw = build(found, *steps)
-        if draw is None:
+    for name, build in (("numpyro", chains.by_numpyro), ("blackjax", chains.by_blackjax)):
+        made = needs(name)(partial(build, num_warmup=steps[0], num_draws=steps[1], num_chains=1,
+                                   seed=0))(found)  # fmt: skip
+        if made is None:
             continue
-        draw()
+        made()
         begin = time.perf_counter()
-        draws = draw()
-        row(f"{name}, whitened", time.perf_counter() - begin, draws)
+        draws, _ = made()
+        row(f"{name} NUTS, whitened", time.perf_counter() - begin, draws)
     draw = _pints(found, 500 if small else 20_000)
     if draw is not None:
         begin = time.perf_counter()
@@ -120,56 +125,11 @@ def effective_draws(made: dict, small: bool) -> list[Row]:
     return rows
 
 
-def _whitened(found: Fit) -> Callable:
-    factor = jnp.asarray(np.linalg.cholesky(found.covariance))
-    density = partial(log_posterior, found.problem.structure, found.problem.data)
-    return lambda y: density(jnp.asarray(found.vector) + factor @ y)
-
-
-@needs("numpyro")
-def _numpyro(found: Fit, num_warmup: int, num_draws: int) -> Callable | None:
-    from numpyro.infer import MCMC, NUTS
-
-    density = _whitened(found)
-    sampler = MCMC(NUTS(potential_fn=lambda y: -density(y)), num_warmup=num_warmup,
-                   num_samples=num_draws, progress_bar=False)  # fmt: skip
-
-    def draw():
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            sampler.run(jax.random.key(0), init_params=jnp.zeros(found.vector.size))
-        return np.asarray(sampler.get_samples(group_by_chain=True))
-
-    return draw
-
-
-@needs("blackjax")
-def _blackjax(found: Fit, num_warmup: int, num_draws: int) -> Callable | None:
-    import blackjax
-
-    density = _whitened(found)
-
-    @jax.jit
-    def run(key):
-        warm, key = jax.random.split(key)
-        adaptation = blackjax.window_adaptation(blackjax.nuts, density)
-        (state, tuned), _ = adaptation.run(warm, jnp.zeros(found.vector.size), num_warmup)
-        kernel = blackjax.nuts(density, **tuned)
-
-        def step(state, key):
-            state, _ = kernel.step(key, state)
-            return state, state.position
-
-        return jax.lax.scan(step, state, jax.random.split(key, num_draws))[1]
-
-    return lambda: np.asarray(run(jax.random.key(0)))[None]
-
-
 @needs("pints")
 def _pints(found: Fit, num_draws: int) -> Callable | None:
     import pints
 
-    density = jax.jit(_whitened(found))
+    density = jax.jit(chains.whitened_density(found)[0])
     size = found.vector.size
 
     class Density(pints.LogPDF):

@@ -87,8 +87,14 @@ def whitened_density(found: Fit) -> tuple[Callable, Callable]:
     return whitened, lambda y: np.asarray(scores(jnp.asarray(y)))
 
 
-def by_numpyro(found: Fit, *, num_warmup: int, num_draws: int, num_chains: int, seed: int):
-    """Return draws of numpyro's NUTS in scores, shape (chain, draw, all), and divergences."""
+Drawn = tuple[np.ndarray, int]
+"""Draws in scores, shape (chain, draw, all), and divergences."""
+
+
+def by_numpyro(
+    found: Fit, *, num_warmup: int, num_draws: int, num_chains: int, seed: int
+) -> Callable[[], Drawn]:
+    """Return what draws by numpyro's NUTS; what it compiles at first it keeps."""
     from numpyro.infer import MCMC, NUTS
 
     density, back = whitened_density(found)
@@ -98,23 +104,30 @@ def by_numpyro(found: Fit, *, num_warmup: int, num_draws: int, num_chains: int, 
         chain_method="sequential", progress_bar=False,
     )  # fmt: skip
     start = np.random.default_rng(seed).standard_normal((num_chains, found.vector.size))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of its own internals
-        sampler.run(
-            jax.random.key(seed),
-            init_params=jnp.asarray(start if num_chains > 1 else start[0]),
-            extra_fields=("diverging",),
-        )
-    draws = back(sampler.get_samples(group_by_chain=True))
-    return draws, int(np.sum(sampler.get_extra_fields()["diverging"]))
+
+    def draw() -> Drawn:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of its own internals
+            sampler.run(
+                jax.random.key(seed),
+                init_params=jnp.asarray(start if num_chains > 1 else start[0]),
+                extra_fields=("diverging",),
+            )
+        draws = back(sampler.get_samples(group_by_chain=True))
+        return draws, int(np.sum(sampler.get_extra_fields()["diverging"]))
+
+    return draw
 
 
-def by_blackjax(found: Fit, *, num_warmup: int, num_draws: int, num_chains: int, seed: int):
+def by_blackjax(
+    found: Fit, *, num_warmup: int, num_draws: int, num_chains: int, seed: int
+) -> Callable[[], Drawn]:
     """As `by_numpyro`, by NUTS of blackjax after its window adaptation."""
     import blackjax
 
     density, back = whitened_density(found)
 
+    @jax.jit
     def one(key, start):
         warm, run = jax.random.split(key)
         adaptation = blackjax.window_adaptation(
@@ -130,13 +143,14 @@ def by_blackjax(found: Fit, *, num_warmup: int, num_draws: int, num_chains: int,
         return jax.lax.scan(step, state, jax.random.split(run, num_draws))[1]
 
     start = np.random.default_rng(seed).standard_normal((num_chains, found.vector.size))
-    one = jax.jit(one)
-    results = [
-        one(key, jnp.asarray(row))
-        for key, row in zip(jax.random.split(jax.random.key(seed), num_chains), start, strict=True)
-    ]
-    draws = np.stack([np.asarray(positions) for positions, _ in results])
-    return back(draws), int(sum(np.sum(diverging) for _, diverging in results))
+    keys = jax.random.split(jax.random.key(seed), num_chains)
+
+    def draw() -> Drawn:
+        results = [one(key, jnp.asarray(row)) for key, row in zip(keys, start, strict=True)]
+        draws = np.stack([np.asarray(positions) for positions, _ in results])
+        return back(draws), int(sum(np.sum(diverging) for _, diverging in results))
+
+    return draw
 
 
 def statistics(found: Fit, vectors: np.ndarray) -> Statistics:

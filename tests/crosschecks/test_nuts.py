@@ -28,7 +28,8 @@ def test_emcee_and_numpyro_draw_from_the_same_posterior(found, ensemble):
     pytest.importorskip("numpyro")
     import chains
 
-    draws, diverging = chains.by_numpyro(found, num_warmup=300, num_draws=500, num_chains=2, seed=4)
+    draw = chains.by_numpyro(found, num_warmup=300, num_draws=500, num_chains=2, seed=4)
+    draws, diverging = draw()
     assert diverging == 0
     theirs = chains.statistics(found, draws)
     ours = chains.statistics(found, ensemble.vectors)
@@ -50,18 +51,6 @@ def test_a_posterior_that_is_off_would_be_seen(found, ensemble):
     wide = chains.statistics(found, centre + 1.25 * (ensemble.vectors - centre))
     assert all(abs(row["mean"]) > FAR for row in chains.z_values(ours, shifted).values())
     assert all(abs(row["sd"]) > FAR for row in chains.z_values(ours, wide).values())
-
-
-@pytest.mark.slow
-def test_weighted_draws_agree_with_the_ensemble(found, ensemble):
-    """A tenth of a standard deviation: the delta method knows nothing of a tail without draws."""
-    weighted = ensemble.weighted
-    assert weighted.is_sound
-    mean = weighted.weights @ weighted.vectors
-    sd = np.sqrt(weighted.weights @ (weighted.vectors - mean) ** 2)
-    spread = ensemble.flat.std(axis=0)
-    assert np.all(np.abs(mean - ensemble.flat.mean(axis=0)) < 0.1 * spread)
-    assert np.all(np.abs(np.log(sd / spread)) < 0.1)
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from heat_runs import changed, checked
 from measured_machine import measured_record
+from recovered import holds, sd
 
 from heatrun.checks import check_record, current_scale_unchecked, standstill_losses
 from heatrun.export import Corrections
@@ -92,12 +93,10 @@ def test_a_held_out_test_takes_its_gain_from_its_own_inputs(calibrated, both_way
 
 def test_a_fitted_test_has_its_own_gain_and_leaves_the_shared_one(driven, both_ways, motor, truth):
     found = fitted(motor, driven, both_ways)
-    values, sd = found.values(), np.sqrt(np.diag(found.covariance))
+    values = found.values()
     assert values["own_shaft_power_gain[both ways]"] == pytest.approx(GAIN, abs=0.002)
     assert abs(values["shaft_power_gain"]) < 0.01
-    for name, true in truth.items():
-        place = found.problem.parameters.index(name)
-        assert abs(found.z[place] - found.slots[place].parameter.score(true)) < 3.0 * sd[place]
+    holds(found, truth)
 
 
 def test_the_temperature_of_the_winding_is_not_looked_at(both_ways, motor):
@@ -228,7 +227,6 @@ def test_the_losses_of_ratings_are_without_the_tests_own_errors(wrong, driven, m
 
 
 LATE_GAIN = 0.015
-NETWORK = ("Ceq_w", "Ceq_sr", "Req_w", "Req_sr")
 
 
 @pytest.fixture(scope="module")
@@ -248,14 +246,8 @@ def found(record, motor):
 def test_the_gain_is_found_with_the_torque_and_explained_by_nothing_without(
     found, record, motor, truth
 ):
-    values, sd = found.values(), np.sqrt(np.diag(found.covariance))
-    place = found.problem.parameters.index("shaft_power_gain")
-    assert abs(values["shaft_power_gain"] - LATE_GAIN) < 3.0 * 0.01 * sd[place]
-    assert sd[place] < 0.3  # of the prior
-    for name in NETWORK:
-        place = found.problem.parameters.index(name)
-        off = found.z[place] - found.slots[place].parameter.score(truth[name])
-        assert abs(off) < 3.0 * sd[place], name
+    holds(found, truth | {"shaft_power_gain": LATE_GAIN})
+    assert sd(found, "shaft_power_gain") < 0.3  # of the prior
     channels = {name: v for name, v in record.channels.items() if name != "torque_Nm"}
     blind = fitted(motor, replace(record, channels=channels))
     assert "shaft_power_gain" not in blind.problem.parameters.names

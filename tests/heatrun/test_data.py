@@ -169,21 +169,6 @@ def test_energy_balance_closes(generator: ModuleType, profile: str) -> None:
     assert abs(supplied - lost - stored) < 1e-6 * supplied
 
 
-def test_steady_state_is_the_closed_form(generator: ModuleType) -> None:
-    machine, room = generator.reference_motor(), generator.Room(20.0, **STILL_AIR)
-    # 30 000 s are 16 slow time constants of 1833 s: 1e-7 of a rise of 120 K is left.
-    truth = generator.simulate(
-        machine, generator.constant_load(30060.0), room=room, sample_s=1.0, steps_per_sample=4
-    )
-    current, other = truth.current_A[-1], truth.other_loss_W[-1]
-    k = 3.0 * current**2 * 0.0062 / (234.5 + 25.0)
-    both = machine.Req_w + machine.Req_sr
-    winding = (20.0 + k * 234.5 * both + other * machine.Req_sr) / (1.0 - k * both)
-    stator = 20.0 + machine.Req_sr * (other + k * (234.5 + winding))
-    assert truth.winding_degC[-1] == pytest.approx(winding, abs=5e-5)
-    assert truth.stator_degC[-1] == pytest.approx(stator, abs=5e-5)
-
-
 def test_a_constant_load_follows_the_matrix_exponential(generator: ModuleType) -> None:
     machine, room = generator.reference_motor(), generator.Room(20.0, **STILL_AIR)
     truth = generator.simulate(machine, generator.constant_load(1800.0), room=room)

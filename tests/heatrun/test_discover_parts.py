@@ -58,21 +58,6 @@ def test_all_effects_at_their_null_are_the_base_model(engine, base, fitted):
     np.testing.assert_allclose(jacobian, slopes, atol=1e-6)
 
 
-def test_derivatives_by_effects_are_true(engine, base):
-    columns = [
-        engine.find("speed_cooling.g"), engine.find("sensor_lag.tau"), engine.find("radiation.eA"),
-    ]  # fmt: skip
-    z = base.z.copy()
-    z[columns] = 0.4
-    _, jacobian = engine.linearise(z, columns)
-    for place, slot in enumerate(columns):
-        ahead, behind = z.copy(), z.copy()
-        ahead[slot] += 1e-4
-        behind[slot] -= 1e-4
-        slope = (engine.linearise(ahead, [])[0] - engine.linearise(behind, [])[0]) / 2e-4
-        np.testing.assert_allclose(jacobian[:, place], slope, atol=1e-4)
-
-
 def test_parts_left_out_of_a_single_test_are_predicted(engine, base):
     masks = folds(engine)
     assert len(masks) == 4

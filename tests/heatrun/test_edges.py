@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from recovered import holds, sd
 from scipy.linalg import expm
 
 from heatrun import cli
@@ -97,15 +98,11 @@ def test_a_cold_chamber_and_a_slow_logger_are_fitted(step, ambient, into, machin
     record = simulated(step, 90, LOADS, ambient=ambient, into=into)
     assert errors_of(record, machine) == set()
     found = fit(Problem.of(Model.of("second", machine), machine, [reduce(record, machine)]))
-    sd = np.sqrt(np.diag(found.covariance))
     timing = found.values().get("load_timing[edge]")
     # by straight lines the load comes halfway between two samples
     assert timing == pytest.approx((0.5 - into) * step, abs=0.1 * step)
-    for position, slot in enumerate(found.slots):
-        if slot.name in TRUTH:
-            z = float(slot.parameter.score(TRUTH[slot.name]))
-            # four parameters at four standard errors: one false alarm in 4000
-            assert abs(found.z[position] - z) < 4.0 * sd[position], slot.name
+    # four parameters at four standard errors: one false alarm in 4000
+    holds(found, TRUTH, sds=4.0)
 
 
 @pytest.mark.slow
@@ -123,18 +120,6 @@ def test_gaps_of_one_sample_change_nothing_but_a_little(machine):
     network = [i for i, slot in enumerate(one.slots) if slot.name in TRUTH]
     # 18 of 3600 readings are missing: the estimate moves by a small part of its uncertainty
     assert np.all(np.abs(one.z - two.z)[network] < 0.3 * sd[network])
-
-
-def test_a_record_at_a_millisecond_is_reduced_exactly(machine):
-    record = simulated(1e-3, 2, (0, 120))
-    blocks = reduce(record, machine)
-    energy = float(np.sum(np.asarray(blocks.inputs.losses)) * float(blocks.inputs.step))
-    time, losses = record.time_s, record["losses_W"]
-    held = blocks.inputs.num_time * float(blocks.inputs.step) - time[-1]
-    inside = float(np.sum(0.5 * np.diff(time) * (losses[1:] + losses[:-1])))
-    expected = inside + held * losses[-1]
-    # both sum 120,000 numbers: rounding alone
-    assert energy == pytest.approx(expected, rel=1e-10)
 
 
 @pytest.mark.parametrize(
@@ -244,12 +229,8 @@ def test_half_hours_over_days_are_fitted():
     found = fit(
         Problem.of(Model.of("second", SLOW_MOTOR), SLOW_MOTOR, [reduce(logged(3), SLOW_MOTOR)])
     )
-    sd = np.sqrt(np.diag(found.covariance))
-    for name, true in PLANT.items():
-        place = found.problem.parameters.index(name)
-        off = found.z[place] - found.slots[place].parameter.score(true)
-        assert abs(off) < 3.0 * sd[place], name
-    assert sd[found.problem.parameters.index("Req_sr")] < 0.1
+    holds(found, PLANT)
+    assert sd(found, "Req_sr") < 0.1
 
 
 CHANNELS = (

@@ -137,15 +137,6 @@ def test_wrong_motor_files_are_refused(wrong, match, blocks):
         parameters(Model.of("second", wrong), wrong, [blocks])
 
 
-def test_what_the_readings_did_not_lessen_is_type_b(fitted):
-    """The resistance stands in the copper loss alone: its prior is all that is known of it."""
-    position = fitted.problem.parameters.index("Rs0")
-    both = fitted.covariance[position, position]
-    type_a = fitted.covariance_type_a[position, position]
-    assert both > 0.9  # the prior's variance is 1
-    assert type_a < 0.1 * both
-
-
 def test_type_a_is_the_scatter_of_fits_to_drawn_readings(fitted):
     """Against simulated fits of the linear model: readings drawn anew, priors held."""
     rng = np.random.default_rng(5)

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from bench_package import write_motor
 from hidden_machines import machine
 from scipy.integrate import quad
 from scipy.stats import norm
@@ -36,21 +37,15 @@ def calibrated(hidden_bench, tmp_path_factory):
     def calibrate(hidden, seed):
         case = hidden_bench.make_case(hidden, seed, target_K=0.12, resolution_K=0.1)
         folder = tmp_path_factory.mktemp("missing")
-        motor = folder / "motor.toml"
-        motor.write_text(
-            f'[motor]\nname = "study"\nlosses = "{case.losses}"\n'
-            f"rated_speed_rpm = {case.machine.rated_speed_rpm:.2f}\n[winding]\n"
-            f"phase_resistance_ohm = {case.machine.phase_resistance_ohm:.6g}\n",
-            encoding="utf-8",
-        )
+        write_motor(case, folder)
         paths = {}
         for test, name in ((case.tests[0], "stairs"), (case.tests[2], "other")):
             paths[name] = folder / f"{name}.csv"
             table = pd.DataFrame(test.columns).iloc[::4]  # a logger with 2 s
             table.to_csv(paths[name], index=False, float_format="%.6g")
         run = heatrun.calibrate(
-            motor, paths["stairs"], holdout=paths["other"], model="second", method="quick",
-            out=folder / "run",
+            folder / "motor.toml", paths["stairs"], holdout=paths["other"], model="second",
+            method="quick", out=folder / "run",
         )  # fmt: skip
         return run, case
 
@@ -261,6 +256,12 @@ def draws_of(model, motor, tests, plausible=None):
     return Draws(model, motor, found, vectors, plausible)
 
 
+def centre_of(model, motor, tests):
+    """The most probable values of what is the same in all tests."""
+    known = parameters(model, motor, [model.with_bodies(test) for test in tests]).by_test[0]
+    return {name: p.centre for name, p in known.items() if not p.per_test}
+
+
 def test_winding_nodes_flows_and_bodies_are_those_of_the_network_with_the_effect(two_sensors):
     motor, tests = two_sensors
     alone = Model.of("second", motor).scaled(motor, tests)
@@ -332,9 +333,7 @@ def test_a_body_in_a_link_leaves_the_flow_out_of_its_first_node(two_sensors):
 def test_effects_behind_one_draw_add_up(two_sensors):
     motor, tests = two_sensors
     alone = Model.of("second", motor).scaled(motor, tests)
-    rows = [alone.with_bodies(test) for test in tests]
-    known = parameters(alone, motor, rows).by_test[0]
-    values = {name: p.centre for name, p in known.items() if not p.per_test}
+    values = centre_of(alone, motor, tests)
     named = {"ambient_recirculation": {"r": 0.02}, "ac_copper_loss": {"k": 0.5}}
     effects = []
     for kind in (each for each in EFFECTS if each.card.id in named):

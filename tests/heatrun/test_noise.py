@@ -110,13 +110,6 @@ def test_variance_of_a_mean_is_that_of_the_dense_covariance(observation, num):
     assert float(NOISE.total()) ** 2 == pytest.approx(variance_of_mean(NOISE, 20.0, 1), rel=1e-12)
 
 
-def test_columns_are_whitened_alike(observation):
-    values = jnp.asarray(np.random.default_rng(1).normal(size=(observation.measured.size, 3)))
-    together, _ = whiten(values, NOISE, observation)
-    apart = [whiten(values[:, i], NOISE, observation)[0] for i in range(3)]
-    np.testing.assert_allclose(together, np.stack(apart, axis=1), rtol=1e-12)
-
-
 @pytest.mark.parametrize("counts", [[1], [3], [40]])
 def test_drawn_noise_has_the_stated_covariance(observation, counts):
     heat = jnp.asarray(50.0 * np.random.default_rng(3).standard_normal((30, 4)))

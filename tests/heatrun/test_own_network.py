@@ -4,12 +4,13 @@ import json
 from dataclasses import asdict, replace
 from importlib.resources import files
 from pathlib import Path
-from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import pytest
+import two_sinks
+from recovered import holds, log_sd
 from turning import NETWORK, RS0, T0, TRUTH, amperes, copper, course, friction, iron, record, rpm
 
 import heatrun
@@ -17,7 +18,7 @@ from heatrun import cli
 from heatrun.effects.engine import library
 from heatrun.errors import InputError, UsageError
 from heatrun.fit.fit import fit
-from heatrun.model.catalogue import effects_named, refuse_unmeasured_sink, refuse_unmeasured_speed
+from heatrun.model.catalogue import effects_named
 from heatrun.model.model import Model
 from heatrun.model.model_parameters import override_names, parameters
 from heatrun.model.network_text import (
@@ -169,6 +170,12 @@ def folder(tmp_path_factory, bench, generator):
     step = pd.DataFrame(bench(generator.constant_load(900.0), seed=41).channels)
     step.to_csv(folder / "step.csv", index=False)
     duty.drop(columns="speed_rpm").to_csv(folder / "no_speed.csv", index=False)
+    duty.to_csv(folder / "no_coolant.csv", index=False)
+    wet = duty.assign(coolant_degC=duty.ambient_degC)
+    wet.to_csv(folder / "wet.csv", index=False)
+    wet.drop(columns="ambient_degC").to_csv(folder / "no_air.csv", index=False)
+    (folder / "liquid.toml").write_text(PLAIN.replace("[winding]", 'sink = "coolant"\n[winding]'))
+    (folder / "turning.toml").write_text(NETWORK)
     return folder
 
 
@@ -195,21 +202,47 @@ def test_check_takes_a_network_and_known_effects(call):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "said", "remedy"),
     [
-        (["cooled.toml", "no_speed.csv"], "speed_cooling needs the channel speed_rpm"),
-        (["motor.toml", "no_speed.csv", "--with", "speed_cooling"], "the channel speed_rpm"),
+        (["cooled.toml", "no_speed.csv"], "speed_cooling needs the channel speed_rpm", ""),
+        (["motor.toml", "no_speed.csv", "--with", "speed_cooling"], "the channel speed_rpm", ""),
         (["motor.toml", "duty.csv", "--model", "four.toml", "--with", "winding_node"],
-         "winding_node cannot be added to a network"),
+         "winding_node cannot be added to a network", ""),
+        (["motor.toml", "no_speed.csv", "--model", "turning.toml"],
+         "the mechanical loss follows the speed", "[columns] speed_rpm"),
+        (["motor.toml", "duty.csv", "--model", "cooled"],
+         "the winding and stator between coolant and air loses heat to the coolant too",
+         "[columns] coolant_degC"),
+        (["liquid.toml", "no_air.csv", "--model", "cooled"], "loses heat to the ambient too",
+         "[columns] ambient_degC"),
     ],
 )  # fmt: skip
-def test_check_says_what_the_model_lacks(call, words, said):
+def test_check_says_what_the_model_lacks(call, words, said, remedy):
     code, found, _ = call("check", *words)
     assert code == 1
     (refusal,) = [f for f in found["findings"] if f["severity"] == "error"]
     assert refusal["id"] == "model_refused"
     assert said in refusal["message"]
     assert refusal["remedy"]
+    assert remedy in refusal["remedy"]
+
+
+@pytest.mark.parametrize(
+    ("network", "test", "channel"),
+    [("turning.toml", "no_speed.csv", "speed_rpm"), ("cooled", "no_coolant.csv", "coolant_degC")],
+)
+def test_a_network_without_its_channel_is_refused(
+    network, test, channel, folder, capsys, monkeypatch
+):
+    monkeypatch.chdir(folder)
+    words = ["motor.toml", "wet.csv", "--holdout", test, "--model", network, "--out", "refused"]
+    assert cli.main(["calibrate", *words]) == 1
+    assert f"this test has no {channel}" in capsys.readouterr().err
+    assert not (folder / "refused").exists()
+    names = TRUTH if network == "turning.toml" else two_sinks.TRUTH
+    (folder / "values.toml").write_text("".join(f"{n} = {v}\n" for n, v in names.items()))
+    assert cli.main(["simulate", "motor.toml", "values.toml", test, "--model", network]) == 1
+    assert f"this test has no {channel}" in capsys.readouterr().err
 
 
 def test_check_names_a_network_file_that_is_not_there(folder, capsys, monkeypatch):
@@ -269,14 +302,6 @@ def test_which_two_networks_are_compared(folder):
         pair_of(f"first,second,{four}")
     with pytest.raises(UsageError, match="names no network"):
         pair_of(" , ")
-
-
-def test_a_sink_or_a_speed_that_was_not_measured_names_the_network_once():
-    tests = [SimpleNamespace(name="duty", means={})]
-    with pytest.raises(InputError, match="the network four loses heat to the coolant too"):
-        refuse_unmeasured_sink("coolant", tests, "network four")
-    with pytest.raises(InputError, match="in the second order the mechanical loss follows"):
-        refuse_unmeasured_speed(["mechanical"], tests, "second order")
 
 
 @pytest.mark.slow
@@ -404,12 +429,8 @@ def test_friction_is_recovered_beside_the_network(kind):
     test = reduce(record(kind=kind), motor)
     model = Model.of(FORM, motor).scaled(motor, [test])
     found = fit(Problem.of(model, motor, [model.with_bodies(test)]))
-    for name, true in TRUTH.items():
-        slot = found.problem.parameters.index(name)
-        parameter = found.slots[slot].parameter
-        sd = float(np.sqrt(found.covariance[slot, slot]))
-        assert abs(float(found.z[slot]) - parameter.score(true)) < 3.0 * sd, name
-        assert sd * parameter.sd < 0.02, name  # of the logarithm; the prior has 1.3 and more
+    holds(found, TRUTH)
+    assert max(log_sd(found, name) for name in TRUTH) < 0.02  # the prior has 1.3 and more
 
 
 def test_priors_follow_the_losses_and_the_speed_of_the_tests():
@@ -460,23 +481,3 @@ def test_the_text_of_a_network_reads_back_to_the_same_value(form):
 def test_a_wrong_network_is_refused(losses, by_speed, said):
     with pytest.raises(InputError, match=said):
         with_losses(losses, by_speed)
-
-
-def test_a_test_without_a_speed_is_refused(tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    table = pd.DataFrame(record().channels).drop(columns="speed_rpm")
-    table.to_csv("duty.csv", index=False)
-    (tmp_path / "turning.toml").write_text(NETWORK)
-    text = '[motor]\nname = "bench"\n[winding]\nphase_resistance_ohm = 0.0062\n'
-    (tmp_path / "motor.toml").write_text(text)
-    assert cli.main(["check", "motor.toml", "duty.csv", "--model", "turning.toml", "--json"]) == 1
-    findings = json.loads(capsys.readouterr().out)["findings"]
-    (refusal,) = [f for f in findings if f["severity"] == "error"]
-    assert "the mechanical loss follows the speed" in refusal["message"]
-    assert "[columns] speed_rpm" in refusal["remedy"]
-    words = ["calibrate", "motor.toml", "duty.csv", "--model", "turning.toml", "--out", "refused"]
-    assert cli.main(words) == 1
-    assert "this test has no speed_rpm" in capsys.readouterr().err
-    assert not (tmp_path / "refused").exists()
-    (tmp_path / "motor.toml").write_text(text + "[constants]\nspeed_rpm = 3000\n")
-    assert cli.main(["check", "motor.toml", "duty.csv", "--model", "turning.toml", "--json"]) == 0

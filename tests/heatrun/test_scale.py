@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from heat_runs import MOTOR, changed, heat_run
+from recovered import holds, log_sd
 from scipy.signal import lfilter
 
 from heatrun.checks.quick_fit import quick_fit
@@ -39,14 +40,12 @@ def test_the_fit_is_the_same_at_every_size(duty, motor, truth, size):
     machine, test = sized(duty, motor, size)
     model = Model.of("second", machine).scaled(machine, [test])
     found = fit(Problem.of(model, machine, [test]))
-    for name, power in NETWORK.items():
-        place = found.problem.parameters.index(name)
-        parameter = found.slots[place].parameter
-        true = truth[name] * size**power
-        sd = float(np.sqrt(found.covariance[place, place]))
-        assert abs(found.z[place] - parameter.score(true)) < 3.0 * sd, name
+    true = {name: truth[name] * size**power for name, power in NETWORK.items()}
+    holds(found, true)
+    for name in NETWORK:
+        parameter = found.slots[found.problem.parameters.index(name)].parameter
         low, high = parameter.prior_interval_95()
-        assert low < true < high, name
+        assert low < true[name] < high, name
 
 
 def test_what_the_user_states_is_left(duty, motor):
@@ -77,64 +76,57 @@ def test_a_test_without_heat_has_no_scale(duty, motor):
     assert scale_of_tests([reduce(cold, motor)]) is None
 
 
+AMBIENT = 22.0
+
+
+def warmed(time, losses, in_winding, C_w, C_sr, R_w, R_sr, *, above_K=(0.0, 0.0), lag_s=0.0):
+    """A record of two nodes by Euler steps of 2 s, a share of the losses in the winding."""
+    winding, stator = AMBIENT + above_K[0], AMBIENT + above_K[1]
+    sensor, read = winding, []
+    for watts in losses:
+        read.append(sensor)
+        to_stator = (winding - stator) / R_w
+        sensor += min(2.0 / lag_s, 1.0) * (winding - sensor) if lag_s else 0.0
+        winding += 2.0 * (in_winding * watts - to_stator) / C_w
+        to_sink = (stator - AMBIENT) / R_sr
+        stator += 2.0 * ((1.0 - in_winding) * watts + to_stator - to_sink) / C_sr
+        sensor = sensor if lag_s else winding
+    return Record("warmed", {
+        "time_s": time, "phase_current_A": np.sqrt(losses), "losses_W": losses,
+        "ambient_degC": np.full(time.size, AMBIENT), "winding_degC": np.array(read),
+    })  # fmt: skip
+
+
 def test_a_test_that_starts_warm_does_not_hide_how_fast_the_winding_is(motor):
     """Forty minutes near the end of a heat run, then an hour of cooling: 1 K/min at 400 W."""
-    C_w, C_sr, R_w, R_sr, ambient = 900.0, 11_000.0, 0.08, 0.13, 22.0
+    network = {"C_w": 900.0, "C_sr": 11_000.0, "R_w": 0.08, "R_sr": 0.13}
     time = np.arange(0.0, 6000.0, 2.0)
     losses = np.where(time < 2400.0, 400.0, 0.0)
-    winding, stator, read = ambient + 400.0 * (R_w + R_sr) - 6.0, ambient + 400.0 * R_sr - 6.0, []
-    for watts in losses:
-        read.append(winding)
-        to_stator = (winding - stator) / R_w
-        winding += 2.0 * (0.6 * watts - to_stator) / C_w
-        stator += 2.0 * (0.4 * watts + to_stator - (stator - ambient) / R_sr) / C_sr
-    channels = {
-        "time_s": time, "phase_current_A": np.sqrt(losses), "losses_W": losses,
-        "ambient_degC": np.full(time.size, ambient), "winding_degC": np.array(read),
-    }  # fmt: skip
-    test = reduce(Record("warm", channels), motor)
-    model = Model.of("second", motor).scaled(motor, [test])
-    priors = {s.name: s.parameter for s in Problem.of(model, motor, [test]).parameters.slots}
-    for name, true in {"Ceq_w": C_w, "Ceq_sr": C_sr, "Req_w": R_w, "Req_sr": R_sr}.items():
-        low, high = priors[name].prior_interval_95()
+    above_K = 400.0 * (0.08 + 0.13) - 6.0, 400.0 * 0.13 - 6.0
+    test = reduce(warmed(time, losses, 0.6, **network, above_K=above_K), motor)
+    found = priors("second", motor, test)
+    for name, true in network.items():
+        low, high = found[f"{name[0]}eq{name[1:]}"].prior_interval_95()
         assert low < true < high, name
 
 
 @pytest.mark.parametrize("lag_s", [0.0, 30.0, 90.0])
 def test_a_load_that_goes_tells_the_scale_however_late_a_sensor_shows_it(motor, lag_s):
     """A coil, whose winding is most of it: 0.2 W of standby are left, and it is no load step."""
-    C_w, C_sr, R_w, R_sr, ambient = 4000.0, 6000.0, 0.15, 0.22, 22.0
     time = np.arange(0.0, 7200.0, 2.0)
     losses = np.where(time < 3600.0, 300.0, 0.2 + 0.1 * np.sin(time / 50.0))
-    winding, stator, sensor, read = ambient, ambient, ambient, []
-    for watts in losses:
-        read.append(sensor)
-        sensor += min(2.0 / lag_s, 1.0) * (winding - sensor) if lag_s else winding - sensor
-        to_stator = (winding - stator) / R_w
-        winding += 2.0 * (watts - to_stator) / C_w
-        stator += 2.0 * (to_stator - (stator - ambient) / R_sr) / C_sr
-    channels = {
-        "time_s": time, "phase_current_A": np.sqrt(losses), "losses_W": losses,
-        "ambient_degC": np.full(time.size, ambient), "winding_degC": np.array(read),
-    }  # fmt: skip
-    scale = scale_of_tests([reduce(Record("coil", channels), motor)])
+    record = warmed(time, losses, 1.0, 4000.0, 6000.0, 0.15, 0.22, lag_s=lag_s)
+    scale = scale_of_tests([reduce(record, motor)])
     assert scale is not None
-    assert C_w / 3.0 < scale.capacity < 3.0 * C_w
+    assert 4000.0 / 3.0 < scale.capacity < 3.0 * 4000.0
 
 
 def test_pulses_of_the_winding_do_not_hide_the_body(motor):
     """An S3 duty of 10 min: the winding swings, and the machine behind it is ten times as large."""
     time = np.arange(0.0, 4500.0, 2.0)
     watts = np.where((time % 600.0 < 300.0) & (time < 3600.0), 170.0, 0.0)
-    degC = np.full((2, time.size), 20.0)
-    for now in range(time.size - 1):
-        winding, body = degC[:, now]
-        across, lost = (winding - body) / 0.52, (body - 20.0) / 0.5
-        heat = np.array([0.65 * watts[now] - across, 0.35 * watts[now] + across - lost])
-        degC[:, now + 1] = degC[:, now] + 2.0 * heat / np.array([126.0, 1286.0])
-    channels = {"time_s": time, "phase_current_A": 0.02 * np.sqrt(watts), "losses_W": watts,
-                "winding_degC": degC[0], "ambient_degC": np.full(time.size, 20.0)}  # fmt: skip
-    found = one_node([reduce(Record("pulses", channels), motor)])
+    record = warmed(time, watts, 0.65, 126.0, 1286.0, 0.52, 0.5)
+    found = one_node([reduce(changed(record, phase_current_A=0.02 * np.sqrt(watts)), motor)])
     assert found is not None
     capacity, resistance = found
     assert 1412.0 / 3.0 < capacity < 1.5 * 1412.0
@@ -167,12 +159,6 @@ def fitted_with(motor, test, **masses):
     return fit(Problem.of(model, machine, [test]))
 
 
-def spread(found, name):
-    place = found.problem.parameters.index(name)
-    parameter = found.slots[place].parameter
-    return parameter, found.z[place], parameter.sd * np.sqrt(found.covariance[place, place])
-
-
 @pytest.fixture(scope="module")
 def short(duty, motor):
     first = {name: values[duty["time_s"] < 150.0] for name, values in duty.channels.items()}
@@ -181,12 +167,11 @@ def short(duty, motor):
 
 def test_a_short_test_is_helped_by_the_mass(short, motor, truth):
     mass = truth["Ceq_sr"] / (TAKING_PART * BODY) * 1.3  # the machine is not as is assumed
-    _, _, alone = spread(fitted_with(motor, short), "Ceq_sr")
-    parameter, score, helped = spread(fitted_with(motor, short, mass_kg=mass), "Ceq_sr")
-    assert helped < 0.6 * alone
-    gap = np.log(truth["Ceq_sr"]) - np.log(parameter.centre) - parameter.sd * score
-    assert abs(gap) < 2.5 * helped
-    assert f"kg at {BODY:g} J/(kg K)" in parameter.basis
+    alone, helped = (fitted_with(motor, short, mass_kg=kg) for kg in (None, mass))
+    assert log_sd(helped, "Ceq_sr") < 0.6 * log_sd(alone, "Ceq_sr")
+    holds(helped, {"Ceq_sr": truth["Ceq_sr"]}, sds=2.5)
+    basis = priors("second", helped.problem.motor, short)["Ceq_sr"].basis
+    assert f"kg at {BODY:g} J/(kg K)" in basis
 
 
 def test_a_mass_that_the_test_contradicts_is_a_finding(duty, motor, truth):

@@ -15,8 +15,6 @@ import lptn
 NUM = 6000
 """Intervals of a record: a shorter one is looked at up to its end."""
 
-LONG = 90_000
-
 
 def constant(step, current=0.0, losses=0.0, ambient=20.0, num=NUM):
     return lptn.Inputs(

@@ -297,35 +297,6 @@ def test_an_effect_on_the_sensor_does_not_enter(law, network):
     assert both((build(BY_ID[law], values, network),)) == both(())
 
 
-def test_compiled_and_mapped_is_one_by_one(network):
-
-    def all_three(Rs, eA):
-        network = lptn.second_order(CW, CS, RW, Rs)
-        effects = (build(BY_ID["radiation"], {"eA": eA}, network),)
-        at = drive(current=120.0)
-        rest = lptn.steady_state(network, MAP, at, effects=effects)
-        time = lptn.time_to(network, MAP, at, COLD, node="winding", limit=155.0,
-                            effects=effects)  # fmt: skip
-        A = lptn.linearise(network, MAP, at, COLD, effects=effects).A
-        return rest["winding"], time, A
-
-    Rs, eA = jnp.asarray([0.05, 0.1, 0.2]), jnp.asarray([0.0, 0.2, 0.4])
-    mapped = jax.jit(jax.vmap(all_three))(Rs, eA)
-    compiled = jax.jit(all_three)
-    for index in range(3):
-        for many, one in zip(mapped, compiled(Rs[index], eA[index]), strict=True):
-            np.testing.assert_allclose(many[index], one, rtol=1e-9)
-    # and as it is, with nothing compiled as a whole
-    network = lptn.second_order(CW, CS, RW, 0.2)
-    effects = (build(BY_ID["radiation"], {"eA": 0.4}, network),)
-    at = drive(current=120.0)
-    time = lptn.time_to(network, MAP, at, COLD, node="winding", limit=155.0, effects=effects)
-    np.testing.assert_allclose(mapped[1][2], time, rtol=1e-9)
-    assert lptn.time_constants(mapped[2]).shape == (3, 2)
-    assert float(mapped[1][0]) == np.inf
-    assert np.isfinite(float(mapped[1][2]))
-
-
 def test_wrong_questions_are_refused(network):
     losses = CopperLosses(Rs0=jnp.asarray(RS0))
     with pytest.raises(ValueError, match="no node 'rotor'"):
@@ -351,29 +322,13 @@ def test_the_physics_does_not_load_diffrax():
     assert done.stdout.strip() == "False"
 
 
-@pytest.mark.parametrize("kind", ["balance", "map"])
-def test_the_state_matrix_of_two_nodes_is_that_by_hand(kind, network):
+@pytest.mark.parametrize(("law", "kind"), [case for case in BALANCED if case[0] != "housing_node"])
+def test_the_state_matrix_is_the_slope_of_the_law(law, kind, network):
     losses = CopperLosses(Rs0=jnp.asarray(RS0), kind=kind)
-    at = linearise(network, losses, drive(), {"winding": 80.0, "stator": 60.0})
-    moved = K if kind == "balance" else 0.0
-    A = np.array([[-(1 / RW + 1 / RS) / CS, (1 / RW - moved) / CS],
-                  [1 / (RW * CW), (K - 1 / RW) / CW]])  # fmt: skip
-    other = POWER - (K * B if kind == "balance" else 0.0)
-    assert at.nodes == ("stator", "winding")
-    np.testing.assert_allclose(at.A, A, rtol=1e-12)
-    np.testing.assert_allclose(at.offset, [(other + SINK / RS) / CS, K * B / CW], rtol=1e-12)
-    mean, det = 0.5 * np.trace(A), np.linalg.det(A)
-    root = np.sqrt(mean**2 - det)
-    np.testing.assert_allclose(
-        lptn.time_constants(at.A), [1 / (root - mean), -1 / (root + mean)], rtol=1e-9
-    )
-
-
-@pytest.mark.parametrize("law", [law for law in LAWS if law not in ("none", "housing_node")])
-def test_the_state_matrix_with_an_effect_is_the_slope_of_the_law(law, network):
     temperature = {"winding": 120.0, "stator": 85.0}
-    at = linearise(network, MAP, drive(), temperature, effects=built(law, network))
-    slope = rate(law, "map")
+    at = linearise(network, losses, drive(), temperature, effects=built(law, network))
+    slope = rate(law, kind)
+    assert at.nodes == ("stator", "winding")
     np.testing.assert_allclose(at.A, jacobian(slope, [85.0, 120.0]), rtol=1e-7)
     value = np.asarray(at.A) @ [85.0, 120.0] + np.asarray(at.offset)
     np.testing.assert_allclose(value, slope(0, [85.0, 120.0]), rtol=1e-10)

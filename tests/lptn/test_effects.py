@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from compiled import constant, reading, reference, simulate
+from compiled import constant, reading, reference
 
 import lptn
 from lptn import EFFECTS
@@ -316,16 +316,6 @@ def test_an_effect_needs_no_channel_but_those_of_its_card(kind, losses, short):
     )
 
 
-@pytest.mark.parametrize("ratio", [0.0, 0.5, -0.5, 1.0])
-def test_speed_cooling_raises_the_conductance_to_the_law(ratio, network, losses, short, start):
-    """Either direction of rotation cools alike."""
-    speed = jnp.asarray(np.full(short.num_time, ratio * 350.0))
-    inputs = eqx.tree_at(lambda inputs: inputs.speed, short, speed)
-    raised = lptn.second_order(666.75, 15060.1, 0.14485, 0.11625 / (1.0 + 3.0 * abs(ratio) ** 0.7))
-    cooled = reading(network, losses, inputs, start, effects=[build(SpeedCooling, g=3.0, m=0.7)])
-    np.testing.assert_allclose(cooled, reading(raised, losses, inputs, start), rtol=1e-12)
-
-
 def test_sensor_lag_of_a_ramp_is_the_closed_form():
     tau, slope = 12.0, 0.5
     inputs = constant(2.0, num=199)
@@ -334,14 +324,6 @@ def test_sensor_lag_of_a_ramp_is_the_closed_form():
     lagged = eqx.filter_jit(SensorLag(jnp.asarray(tau)).observe)(ramp, {}, inputs)
     exact = 20.0 + slope * (edges - tau * (1.0 - np.exp(-edges / tau)))
     np.testing.assert_allclose(lagged, exact, atol=1e-10)
-
-
-def test_neighbour_body_keeps_its_heat_in_the_system(network, losses, short, start):
-    body = NeighbourBody(C=jnp.asarray(8000.0), tau=jnp.asarray(8000.0 / 3.0))
-    trace = simulate(network, losses, short, start, effects=[body])
-    given = np.sum(trace.flow["stator", "neighbour"]) * float(short.step)
-    stored = 8000.0 * (trace.temperature["neighbour"][-1] - trace.temperature["neighbour"][0])
-    assert float(given) == pytest.approx(float(stored), rel=1e-9)
 
 
 def test_an_effect_on_a_link_that_is_not_there_is_refused(losses, short):

@@ -122,10 +122,6 @@ def blocks(short):
     return jnp.asarray(rng.uniform(size=shape)), jnp.asarray(rng.uniform(size=shape))
 
 
-def mean_of(weight, position, before, after):
-    return np.sum(np.asarray(weight) * (before + np.asarray(position) * (after - before)), axis=1)
-
-
 @pytest.mark.parametrize("effects", [(), (COOLING,)], ids=["affine", "general"])
 def test_accumulate_folds_the_reading(effects, network, losses, short, start):
     edges = reading(network, losses, short, start, effects=effects, sensor=SENSOR)
@@ -140,43 +136,30 @@ def test_accumulate_folds_the_reading(effects, network, losses, short, start):
     assert float(total) == pytest.approx(float(expected), rel=1e-12)
 
 
+STATOR = lptn.Sensor("stator", jnp.asarray(0.01), jnp.asarray(-0.3), jnp.asarray(25.0))
+
+
+@pytest.mark.parametrize("also", [(), (STATOR,)], ids=["one", "two"])
 @pytest.mark.parametrize(
     "effects", [(), (COOLING,), (COOLING, LAG)], ids=["affine", "general", "sensor"]
 )
-def test_block_means_are_means_of_the_reading(effects, network, losses, short, start, blocks):
-    weight, position = blocks
-    edges = np.asarray(reading(network, losses, short, start, effects=effects, sensor=SENSOR))
-    before, after = edges[:-1].reshape(weight.shape), edges[1:].reshape(weight.shape)
-    means = eqx.filter_jit(lptn.block_means)(
-        network, losses, short, start,
-        weight=weight, position=position, effects=effects, sensor=SENSOR,
-    )  # fmt: skip
-    expected = mean_of(weight, position, before, after)
-    np.testing.assert_allclose(means, expected, rtol=1e-12)
-
-
-@pytest.mark.parametrize(
-    "effects", [(), (COOLING,), (COOLING, LAG)], ids=["affine", "general", "sensor"]
-)
-def test_block_means_of_several_sensors_are_those_of_each(
-    effects, network, losses, short, start, blocks
+def test_block_means_are_those_of_each_sensors_reading(
+    effects, also, network, losses, short, start, blocks
 ):
     weight, position = blocks
-    stator = lptn.Sensor("stator", jnp.asarray(0.01), jnp.asarray(-0.3), jnp.asarray(25.0))
-    found = eqx.filter_jit(lptn.block_means)(
-        network, losses, short, start, effects=effects, sensor=SENSOR, also=(stator,),
-        weight=jnp.asarray(np.concatenate([weight, position])),
-        position=jnp.asarray(np.concatenate([position, weight])),
-    )  # fmt: skip
     kept = [effect for effect in effects if effect is not LAG]
+    asked = [(SENSOR, effects, weight, position), (STATOR, kept, position, weight)][: 1 + len(also)]
+    found = eqx.filter_jit(lptn.block_means)(
+        network, losses, short, start, effects=effects, sensor=SENSOR, also=also,
+        weight=jnp.concatenate([each[2] for each in asked]),
+        position=jnp.concatenate([each[3] for each in asked]),
+    )  # fmt: skip
     rows = []
-    for sensor, acting, share, place in (
-        (SENSOR, effects, weight, position),
-        (stator, kept, position, weight),
-    ):
+    for sensor, acting, share, place in asked:
         edges = np.asarray(reading(network, losses, short, start, effects=acting, sensor=sensor))
         before, after = edges[:-1].reshape(share.shape), edges[1:].reshape(share.shape)
-        rows.append(mean_of(share, place, before, after))
+        means = np.asarray(share) * (before + np.asarray(place) * (after - before))
+        rows.append(np.sum(means, axis=1))
     np.testing.assert_allclose(found, np.concatenate(rows), rtol=1e-12)
 
 

@@ -210,7 +210,7 @@ def run(job: Mapping[str, Any]) -> dict[str, Any]:
     true = truth(case)
     row: dict[str, Any] = {
         **{name: job[name] for name in ("cell", "index")},
-        **_described(case, found, true),
+        **_described(case, found),
         "between_K": [
             between_samples(found, record, test, case.motor)
             for record, test in zip(records, (blocks, held_out), strict=True)
@@ -257,13 +257,10 @@ def ranks(draws: Mapping[str, np.ndarray], true: Mapping[str, float]) -> dict[st
     }
 
 
-def _described(case: Case, found: Fit, true: Mapping[str, float]) -> dict[str, Any]:
+def _described(case: Case, found: Fit) -> dict[str, Any]:
     return {
         "kind": case.kind,
         "duration_s": case.duration_s,
-        "spans": case.duration_s / true["tau_slow"],
-        "true": {name: true[name] for name in (*NETWORK, "noise_sd", "noise_time")},
-        "resolution_K": case.noise.resolution_K,
         "fitted": {name: found.values()[name] for name in NETWORK},
         "noise": [float(found.noise.sd), float(found.noise.time), float(found.noise.white)],
         "unmodelled_heat": float(found.noise.heat),

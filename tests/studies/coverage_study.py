@@ -1,6 +1,6 @@
 """Study of the honesty of the intervals: `make study-coverage`.
 
-Writes rows, gates, tables and figures under `results/coverage/`. Seed 1000 was used to tune;
+Writes rows, gates and tables under `results/coverage/`. Seed 1000 was used to tune;
 reports use seed 70000 (50000 was reported before the noise of block means was mended, 60000 before
 the heat that a network misses had a prior). Rows go to a file as they come; a run that was killed
 goes on from there.
@@ -9,9 +9,7 @@ goes on from there.
 import gzip
 import json
 import os
-import platform
 from collections.abc import Iterator, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -24,18 +22,15 @@ from coverage_gates import (
     MISSPECIFIED,
     NETWORK,
     TIMES,
-    binomial_limits,
     chosen,
     coverage,
-    draw_coverage,
-    draw_ranks,
     gates,
     histogram,
     is_inside,
     rank,
 )
-from gate_rows import heads
-from study_runs import Row, options_of, rows_as_they_come
+from gate_rows import heads, percent_95
+from study_runs import Row, about, options_of, rows_as_they_come
 
 from heatrun.posterior.identifiability import BETWEEN_K
 
@@ -64,45 +59,6 @@ HURRY = {"as declared": 0.75, "prior draws": 0.75}
 
 METHODS = ("laplace", "quick", "emcee")
 
-READING = """\
-Motors at random over a decade in size, cold tests of 30, 60 and 90 min (one to three slow time
-constants, staircase, constant load, duty and drive cycle in turn), integrated by the
-simulated bench of `data/synthetic`, which shares no code with the packages. The winding is read at
-1 Hz, the rest at 4 Hz. Noise of the winding
-sensor: Ornstein-Uhlenbeck of 0.1…0.5 K and 5…120 s, white of 0.05…0.2 K per sample, resolution 0.1
-or 1 K; losses with 1 % of noise per sample. Held-out tests are twice as long, of another kind,
-judged on 30 s means. Record i of every cell has the same motor, tests and standard scores of errors
-and noise.
-
-- *as declared*: type B errors of the bench drawn from the priors that heatrun states (losses 1 %,
-  sensor 0.5 % and 0.5 K, sink 0.5 K, resistance 1 %).
-- *exact instruments*: no such errors, and the motor file says so. The cells of misspecified noise
-  are like this one but for the noise: *slower* (×4 in time), *stronger* (×2 in level), one that
-  *doubles* half way, and *heavy tails* (Student t, 3 degrees of freedom).
-- *truncated*: as declared, but the logger cuts off instead of rounding.
-- *large errors*: losses 2 %, sensor offset 1 K, resistance 3 %; once declared in the motor file,
-  once not (heatrun's own priors stand). *errors taken as none*: as declared, but the file says
-  exact.
-- *point samples at 1 Hz*: exact instruments, but current and power are sampled once a second
-  without averaging, while torque ramps in half a second.
-- *unevenly soaked*: exact instruments, but the stator starts 1 K (standard deviation) from the
-  winding, as the prior of the fit grants; in all other cells both start at ambient temperature.
-- *prior draws*: network, noise and heat that the network misses drawn from the priors of the fit
-  (network ±30 % about the reference motor, stated in the file; heat into both nodes, in all other
-  cells there is none), 60 min tests: simulation-based calibration.
-
-Methods: *laplace* is the covariance at the fit, *quick* the weighted draws (all of them, whether
-their guard held or not), *emcee* the ensembles. Fits start from 4 points. Limits are 95 % binomial
-(Clopper-Pearson).
-"""
-
-MISSES = """\
-*Within chance*: the binomial limits reach into what was wanted. What is known of the others:
-
-- *truncated*, end of the held-out test: a logger that cuts off reads half a step low, at the end of
-  the test as at every moment before; the network follows the readings.
-"""
-
 
 def main() -> None:
     parser = options_of(__doc__, "coverage", REPORTING_SEED)
@@ -128,8 +84,7 @@ def main() -> None:
     words = f"--seed {options.seed}"
     if options.only:
         words += f' --share {options.share:g} --only "{options.only}"'
-    found = [] if options.only else gates(rows)  # they are for all cells
-    write(rows, found, options.out, words, options.seed, len(wanted))
+    write(rows, options.out, words, options.seed, len(wanted), has_gates=not options.only)
     if len(rows) == len(wanted):
         path.unlink(missing_ok=True)
 
@@ -157,28 +112,16 @@ def jobs(seed: int, share: float) -> Iterator[Row]:
 
 
 def write(
-    rows: list[Row], found: list[Row], out: Path, words: str, seed: int, planned: int
+    rows: list[Row], out: Path, words: str, seed: int, planned: int, *, has_gates: bool
 ) -> None:
     rows = sorted(rows, key=lambda row: (list(NUM_RECORDS).index(row["cell"]), row["index"]))
-    packages = ("heatrun", "jax", "numpy", "scipy", "optimistix", "emcee")
-    content = {
-        "command": f"make study-coverage (coverage_study.py {words})",
-        "seed": seed,
-        "tuning_seed": TUNING_SEED,
-        "machine": f"{platform.system()} {platform.machine()}, one thread per process",
-        "python": platform.python_version(),
-        "versions": {name: version(name) for name in packages},
-        "cpu_s": sum(row["cpu_s"] for row in rows),
-        "planned": planned,
-        "records": {c: sum(r["cell"] == c for r in rows) for c in NUM_RECORDS},
-        "gates": found,
-    }
+    content = about(seed, planned, f"make study-coverage (coverage_study.py {words})")
+    content |= {"tuning_seed": TUNING_SEED, "cpu_s": sum(row["cpu_s"] for row in rows)}
     (out / "study.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    found = gates(rows) if has_gates else []  # they are for all cells
     (out / "table.md").write_text(table(rows, found, content), encoding="utf-8")
     lines = "".join(json.dumps(_short(row)) + "\n" for row in rows).encode()
     (out / "rows.jsonl.gz").write_bytes(gzip.compress(lines, mtime=0))
-    draw_coverage(rows, out / "coverage.png")
-    draw_ranks(rows, out / "ranks.png")
 
 
 def _short(value: Any) -> Any:
@@ -193,7 +136,7 @@ def _short(value: Any) -> Any:
     return float(f"{value:.5g}") if isinstance(value, float) else value
 
 
-def table(rows: Sequence[Row], found: Sequence[Row], content: Row) -> str:
+def table(rows: Sequence[Row], found: Sequence[str], content: Row) -> str:
     lines = [
         "# Are the intervals honest?",
         "",
@@ -202,10 +145,13 @@ def table(rows: Sequence[Row], found: Sequence[Row], content: Row) -> str:
         f"tuning used seed {content['tuning_seed']} alone. "
         f"{content['cpu_s'] / 60:.0f} min of one processor, compilation included.",
         "",
-        READING,
+        "Cells and methods are explained in `results/coverage/README.md`. Limits are 95 % binomial "
+        "(Clopper-Pearson).",
+        "",
     ]
     if found:
-        lines += _gates(found)
+        lines += ["## Gates", "", *heads("what | wanted | measured | 95 % limits | "), *found]
+        lines += [""]
     cells = list(dict.fromkeys(row["cell"] for row in rows))
     lines += ["## Coverage of 50, 90 and 95 % intervals [%]", ""]
     names = (*NETWORK, *TIMES, "end")
@@ -223,19 +169,6 @@ def table(rows: Sequence[Row], found: Sequence[Row], content: Row) -> str:
     lines += _ranks(rows)
     lines += _guards(rows, cells)
     return "\n".join(lines) + "\n"
-
-
-def _gates(found: Sequence[Row]) -> list[str]:
-    lines = ["## Gates", ""]
-    lines += heads("what | cell | wanted | measured | 95 % limits | records | ")
-    for gate in found:
-        missed = "**MISSED**, within chance" if gate["is_chance"] else "**MISSED**"
-        mark = "met" if gate["holds"] else missed
-        lines.append(
-            f"| {gate['what']} | {gate['cell']} | {gate['wanted']} | {gate['measured']} | "
-            f"{gate['limits'] or '–'} | {gate['cases']} | {mark} |"
-        )
-    return [*lines, "", MISSES, ""]
 
 
 def _coverage_line(cell: str, method: str, rows: Sequence[Row], names: Sequence[str]) -> str:
@@ -261,8 +194,8 @@ def _by_duration(rows: Sequence[Row]) -> list[str]:
                 parts = []
                 for name in NETWORK:
                     share = coverage(rank(some, "quick", name), 0.95)
-                    low, high = binomial_limits(share, len(some))
-                    parts.append(f"{100 * share:.0f} ({100 * low:.0f}…{100 * high:.0f})")
+                    limits = percent_95(round(share * len(some)), len(some))
+                    parts.append(f"{100 * share:.0f} ({limits.removesuffix(' %')})")
                 lines.append(f"| {cell} | {label} | {len(some)} | {' | '.join(parts)} |")
     return [*lines, ""]
 

@@ -93,8 +93,6 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
         **job,
         "misfit_K": case.visible_misfit_K,
         "is_visible": case.is_visible,
-        "resolution_K": case.resolution_K,
-        "losses": case.losses,
         "floor_K": floor(case),
     }
     with temporary() as folder:

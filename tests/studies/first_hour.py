@@ -16,7 +16,6 @@ import re
 import shlex
 import subprocess
 import sys
-import tempfile
 import time
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
@@ -28,6 +27,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pandas as pd
+from study_runs import put, temporary
 
 from heatrun.io.quantities import quantity, rounded
 from heatrun.reports.printed import format_interval, printed
@@ -282,27 +282,19 @@ def entry_of(found: dict[str, Any], truth: float) -> dict[str, Any]:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("results") / "first_hour")
-    parser.add_argument("--sheets", type=Path, help="folder that the sheets are kept in")
     parser.add_argument("--only", choices=list(FILES), action="append")
     options = parser.parse_args()
     rows = []
-    for number, kind in enumerate(options.only or FILES, 1):
-        with tempfile.TemporaryDirectory() as name:
-            rows.append(run(kind, Path(name)))
-            if options.sheets:
-                options.sheets.mkdir(parents=True, exist_ok=True)
-                sheet = Path(name) / "run" / "sheet.pdf"
-                (options.sheets / f"sheet_{number}.pdf").write_bytes(sheet.read_bytes())
+    for kind in options.only or FILES:
+        with temporary() as folder:
+            rows.append(run(kind, folder))
         print(f"{kind}: {rows[-1]['seconds']:.0f} s, {rows[-1]['covered']} of 4", flush=True)
-    options.out.mkdir(parents=True, exist_ok=True)
     content = {"command": "python tests/studies/first_hour.py", "heatrun": version("heatrun"),
                "python": platform.python_version(), "cores": os.cpu_count(),
                "seeds": {"calibrate": 0, "VESC log": VESC_SEED, "heat run": 104},
                "date": datetime.date.today().isoformat(), "rows": rows}  # fmt: skip
-    (options.out / "rows.json").write_text(
-        json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
-    )
-    (options.out / "table.md").write_text(table(content), encoding="utf-8")
+    put(options.out / "rows.json", json.dumps(content, indent=1, ensure_ascii=False) + "\n")
+    put(options.out / "table.md", table(content))
     few = all(len(row["commands"]) <= MOST_COMMANDS and len(row["edits"]) <= MOST_LINES
               for row in rows)  # fmt: skip
     right = all(row["covered"] == len(NAMES) and not row["read_wrongly"] for row in rows)

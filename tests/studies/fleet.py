@@ -40,7 +40,6 @@ def run(job: Row) -> Row:
     with temporary() as folder:
         path = write_fleet(fleet, folder / "bench", job["seed"])
         calibrated = heatrun.calibrate_fleet(path, out=folder / "fleet", workers=job["workers"])
-        calibrated_s = time.monotonic() - begin
         content, rows = population_of(calibrated.path, folder / "type", "--covariate", "supplier")
     table = [row for row in rows if row["status"] == "used"]
     return {
@@ -50,7 +49,6 @@ def run(job: Row) -> Row:
         "left_out": content["left_out"],
         "population": _population(fleet, content),
         "machines_found": _machines(fleet, table),
-        "calibrated_s": calibrated_s,
         "processor_s": time.monotonic() - begin,
     }
 

@@ -7,10 +7,8 @@ stated standard deviations for all machines. Each machine is fitted, its evidenc
 out, and the fleet searched as `heatrun fleet --discover` does. It goes on where it was stopped.
 """
 
-import pickle
 from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
 
 import fleet_of_hidden_causes as hidden_fleet
 import numpy as np
@@ -65,32 +63,22 @@ def cases(clean: int, hidden: int, large: int, off: int, unknown: int) -> list[R
     return sorted(rows, key=lambda row: (row["at"], row["seed"]))
 
 
-def run(case: Row, cache: Path | None = None) -> Row:
+def run(case: Row) -> Row:
     amplitude, bench = 0.0, {}
     hidden = case["name"] if case["kind"] in ("hidden", "unknown") else ""
     if hidden:
         amplitude = hidden_fleet.amplitude_of(case["name"], VISIBLE_K)
     if case["kind"] == "instrument":
         bench = {case["name"]: OFF[case["name"]] * (-1.0) ** case["number"]}
-    kept = cache / f"{case['seed']}.pickle" if cache is not None else None
-    if kept is not None and kept.is_file():
-        evidence = pickle.loads(kept.read_bytes())  # by this study, a moment ago
-    else:
-        drawn = hidden_fleet.fleet(case["num"], case["seed"], hidden, amplitude, bench)
-        evidence = evidence_of_fleet(drawn.tests)
-        if kept is not None:
-            kept.parent.mkdir(parents=True, exist_ok=True)
-            kept.write_bytes(pickle.dumps(evidence))
+    drawn = hidden_fleet.fleet(case["num"], case["seed"], hidden, amplitude, bench)
+    evidence = evidence_of_fleet(drawn.tests)
     found = discover_type("A", evidence, THERMAL, seed=case["seed"])
-    top = max(found.screened, key=lambda each: each.statistic)
     row = {
         **{key: case[key] for key in ("kind", "name", "num", "seed")},
         "amplitude": amplitude,
         "num_machines": found.num_machines,
         "num_alone": found.num_alone,
         "verdict": found.verdict,
-        "critical": found.critical,
-        "top": [top.id, top.statistic],
         "effects": found.effects,
         "traces": found.traces,
         "could_show_K": np.median([e.could_show_K for e in found.screened]),
@@ -206,7 +194,6 @@ def page(rows: list[Row], planned: int) -> str:
 def main() -> None:
     counts = {"clean": 120, "hidden": 6, "large": 2, "off": 6, "unknown": 3}
     parser = options_of(__doc__, "fleet", FIRST_SEED, **counts)
-    parser.add_argument("--cache", type=Path, help="folder that keeps the machines' evidence")
     parser.set_defaults(processes=0)
     options = parser.parse_args()
     configure()
@@ -217,8 +204,8 @@ def main() -> None:
         return f"{row['kind']} {row['name']} {row['num']} {row['verdict']} {effects}"
 
     shown = partial(page, planned=len(listed))
-    run_study(options, listed, partial(run, cache=options.cache), shown,
-              files=("discovery.json", "discovery.md"), command=COMMAND, said=said)  # fmt: skip
+    files = "discovery.json", "discovery.md"
+    run_study(options, listed, run, shown, files=files, command=COMMAND, said=said)
 
 
 if __name__ == "__main__":

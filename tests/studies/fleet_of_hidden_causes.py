@@ -9,7 +9,7 @@ errors of its own sensor beside them.
 
 import importlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -66,7 +66,6 @@ class Plant:
     into_winding: Callable[..., Any] = lambda copper, other, winding, speed: 0.0
     rotor: Any = 0.0  # Share of the other losses that a rotor takes [1]; 0 for none.
     stator_heat: Callable[[float], Any] = lambda time_s: 0.0  # Heat from outside [W], of time [s].
-    notes: dict[str, Any] = field(default_factory=dict)
 
 
 def _natural_convection(plant: Plant) -> None:

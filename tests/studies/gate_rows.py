@@ -57,6 +57,16 @@ def covered(what: str, inside: Sequence[bool]) -> str:
     return f"| {what} | 93…97 % | {share} | {percent_95(count, num)} | {mark} |"
 
 
+def figure(what: str, gate: str, values: Sequence[float], reduce: Any) -> str:
+    """Return the row of one figure of many values against a gate such as `"≤ 2"`."""
+    if not len(values):
+        return f"| {what} | {gate} | – | – | – |"
+    value, limit = float(reduce(values)), float(gate.split()[1])
+    holds = value <= limit if gate.startswith("≤") else value >= limit
+    mark = "met" if holds else "**missed**"
+    return f"| {what} | {gate} | {value:.2f} ({len(values)} cases) | – | {mark} |"
+
+
 def in_band(
     what: str,
     rows: Sequence[dict[str, Any]],

@@ -17,7 +17,6 @@ import os
 import shutil
 import subprocess
 import tempfile
-import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -237,11 +236,9 @@ def judged(
         told[fault] = int(bad[0]) + 1 if bad.size else None
     return {
         "blanked_in_band": float(np.mean(is_in[is_blank, 0])),
-        "read_in_band": float(np.mean(is_in[late][~is_blank[late], 0])),
         "stator_in_band": float(np.mean(is_in[late, 1])),
         "blanked_sd_K": float(np.mean(sd[is_blank, 0])),
         "wrong_start_in_band": float(np.mean(is_right[late, 0])),
-        "wrong_start_stator_in_band": float(np.mean(is_right[late, 1])),
         "rmse_K": {"blanked": rmse(T, is_blank), "open, same minutes": rmse(open_T, is_blank),
                    "read": rmse(T, ~is_blank & (np.arange(len(rows)) >= SETTLED_S)),
                    "open": rmse(open_T, late)},
@@ -265,14 +262,13 @@ def run(job: Row) -> Row:
     with tempfile.TemporaryDirectory() as name:
         folder, job = Path(job["keep"] or name) / str(seed), {**job, "keep": bool(job["keep"])}
         folder.mkdir(parents=True, exist_ok=True)
-        begin, said = time.process_time(), ""
         if not (folder / "run" / "fit.json").exists():
             fitted = map(str, write_case(case, folder))
             code, said = command(["calibrate", str(folder / "motor.toml"), *fitted, "--model",
                                   "second", "--quick", "--out", str(folder / "run")])  # fmt: skip
             if code != 0:
                 return {**job, "failure": said[-800:]}
-        row = {**job, "drawn": machine.drawn, "calibration_s": time.process_time() - begin}
+        row = {**job, "drawn": machine.drawn}
         shutil.rmtree(folder / "c", ignore_errors=True)
         export = ["export", str(folder / "run"), "--to", "c", "--out", str(folder / "c")]
         row["exported"] = "as it is"
@@ -281,10 +277,9 @@ def run(job: Row) -> Row:
             code, said = command([*export, "--replica"])
             if code != 0:
                 return {**row, "failure": said[-800:]}
-        begin = time.process_time()
         has_speed = "HAS_SPEED 1" in (folder / "c" / "thermal_network.h").read_text()
-        return row | followed(compiled(folder / "c"), machine, bench, job, rng, has_speed) | {
-            "following_s": time.process_time() - begin, "cost": cost(folder / "c")}  # fmt: skip
+        row |= followed(compiled(folder / "c"), machine, bench, job, rng, has_speed)
+        return row | {"cost": cost(folder / "c")}
 
 
 def followed(

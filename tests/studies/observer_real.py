@@ -10,9 +10,10 @@ import numpy as np
 import pandas as pd
 from gate_rows import heads
 from observer import BLANK_S, EVERY_S, SETTLED_S, WRONG_K, alarms_of, compiled, without_reading
-from ordinary import stated_use
-from paderborn import MOTOR, columns_of, paderborn_record
+from paderborn import MOTOR, calibrated, columns_of, paderborn_record
 from study_runs import Row, command, put, temporary
+
+from heatrun.runs.verdict import headline
 
 STEP_S = 2.5
 FIRST_S = 300.0
@@ -37,16 +38,10 @@ def main() -> None:
 def followed(record: pd.DataFrame, fitted: str) -> Row:
     is_fitted = record.time_s < FITTED_UNTIL_S[fitted]
     with temporary() as folder:
-        (folder / "motor.toml").write_text(MOTOR, encoding="utf-8")
-        pd.DataFrame(columns_of(record[is_fitted])).to_csv(folder / "fitted.csv", index=False)
-        motor, test, run, c = (str(folder / n) for n in ("motor.toml", "fitted.csv", "run", "c"))
-        words = ["calibrate", motor, test, "--model", "second", "--quick", "--out", run]
-        code, said = command(words)
-        if code != 0:
-            raise SystemExit(said)
-        use = stated_use(folder / "run")
-        words = ["export", run, "--to", "c", "--step", str(STEP_S), "--replica", "--out", c]
-        code, said = command(words)
+        run = calibrated(folder, MOTOR, columns_of(record[is_fitted]))
+        use, c = headline(run.result).use, str(folder / "c")
+        words = ["export", str(run.path), "--to", "c", "--step", str(STEP_S), "--replica"]
+        code, said = command([*words, "--out", c])
         if code != 0:
             raise SystemExit(said)
         has_speed = "HAS_SPEED 1" in (folder / "c" / "thermal_network.h").read_text()

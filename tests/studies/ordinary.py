@@ -125,7 +125,6 @@ def run(job: Row) -> Row:
     structure = structure_fitted(case, job["seed"])
     row = {
         **job, "tests": list(case.tests), "drawn": machine.drawn, "truth": case.truth(),
-        "bench": case.bench, "physics": machine.physics, "rated": machine.rated,
         "structure": structure | {"processor_s": time.process_time() - begin},
         "imperfections": {
             cause: {"alone_K": alone, "refit_K": structure["refit_K"][cause],
@@ -312,41 +311,11 @@ def _of_causes(rows: Sequence[Row], verb: str) -> list[str]:
     return lines
 
 
-def look(seed: int, num: int) -> int:
-    """Print cases of each kind, and what of them is not plausible; return how many are not."""
-    bad = 0
-    for job in jobs(seed, num * len(KINDS), list(KINDS), 0.0):
-        begin = time.perf_counter()
-        case = make(job["kind"], job["seed"])
-        seconds = time.perf_counter() - begin
-        alone = {cause: round(each, 2) for cause, each in case.alone_K.items()}
-        truth = {n: float(f"{v:.3g}") for n, v in case.truth().items() if v is not None}
-        print(f"{job['kind']} {job['seed']}, {seconds:.1f} s: alone [K] {alone}\n  {truth}")
-        for name, course in case.courses.items():
-            rise, hours = np.max(course["winding"] - course["sink"]), course["time"][-1] / 3600.0
-            shaft = case.tests[name].get("torque", 0.0) * case.tests[name].get("rpm", 0.0)
-            read = case.tests[name]["watts"] - shaft * np.pi / 30.0
-            wrong = {
-                "rise": not 20.0 < rise < 130.0, "losses": course["losses"].min() < 0.0,
-                "balance": abs(np.mean(read) / np.mean(course["losses"]) - 1.0) > 0.15,
-                "length": not 0.95 < hours < 3.1, "time": seconds > 10.0,
-            }  # fmt: skip
-            bad += any(wrong.values())
-            most = {key: course[key].max() for key in ("rise", "winding", "losses")}
-            print(f"  {name} {hours:.1f} h: winding {rise:.0f}, stator {most['rise']:.0f} K above "
-                  f"the sink, to {most['winding']:.0f} °C, to {most['losses']:.3g} W",
-                  *(word for word, is_so in wrong.items() if is_so))  # fmt: skip
-    print(f"{bad} tests implausible")
-    return bad
-
-
 def main() -> None:
-    parser = options_of(__doc__, "ordinary", REPORTING_SEED, cases=72, look=0)
+    parser = options_of(__doc__, "ordinary", REPORTING_SEED, cases=72)
     parser.add_argument("--kind", nargs="+", choices=list(KINDS), default=list(KINDS))
     parser.add_argument("--discover", type=float, default=0.0, help="share of the cases [1]")
     options = parser.parse_args()
-    if options.look:  # print so many of each kind, no more
-        sys.exit(look(options.seed, options.look) > 0)
     listed = jobs(options.seed, options.cases, options.kind, options.discover)
     words = f"--seed {options.seed} --cases {options.cases} --discover {options.discover:g}"
 

@@ -3,9 +3,9 @@
 Profile 24 of the Paderborn motor (W. Kirchgässner, O. Wallscheid, J. Böcker, Electric Motor
 Temperature, 2021) whole, its heating and its cooling, each without a measured body and with yoke or
 tooth fitted as the stator node, through `heatrun calibrate`. The four parameters belong to one
-machine: their intervals should overlap, or a finding say why they may not. Then the whole record
-with networks of more nodes, in which tooth and yoke are nodes of their own. The record is not part
-of the project: without it, nothing is done.
+machine: their intervals should overlap, or a finding say why they may not.
+Networks in which tooth and yoke are nodes of their own are in `real_records.py`. The record is not
+part of the project: without it, nothing is done.
 """
 
 import argparse
@@ -29,26 +29,6 @@ BODIES = {
 }
 """What the motor file says of the bodies; one that is not fitted is held against the stator."""
 
-NETWORKS = {
-    "three": """[network]
-name = "three"
-title = "winding, tooth, yoke"
-nodes = ["winding", "tooth", "yoke"]
-links = [["winding", "tooth"], ["tooth", "yoke"], ["yoke", "ambient"]]
-losses = { copper = "winding", iron = ["tooth", "yoke"] }
-sensors = { winding_degC = "winding", tooth_degC = "tooth", yoke_degC = "yoke" }
-""",
-    "four": """[network]
-name = "four"
-title = "winding, tooth, yoke, rotor"
-nodes = ["winding", "tooth", "yoke", "rotor"]
-links = [["winding", "tooth"], ["tooth", "yoke"], ["tooth", "rotor"], ["yoke", "ambient"]]
-losses = { copper = "winding", iron = ["tooth", "yoke", "rotor"] }
-sensors = { winding_degC = "winding", tooth_degC = "tooth", yoke_degC = "yoke" }
-""",
-}
-"""Networks of more nodes; the magnet takes no part in the fit."""
-
 PARTS = {"whole": (-np.inf, np.inf), "heating": (-np.inf, 4395.0), "cooling": (4390.0, np.inf)}
 """From and until [s]: the load is taken off at 4395 s."""
 
@@ -68,17 +48,14 @@ def main() -> None:
     if found is None:
         return
     record, out = found
-    runs, larger = {}, {}
+    runs = {}
     with temporary() as folder:
-        for part in PARTS:
+        for part, (first, last) in PARTS.items():
+            chosen = record[(record.time_s >= first) & (record.time_s < last)]
             for body, said in BODIES.items():
-                runs[part, body] = calibrated(record, part, said, "second", folder)
+                runs[part, body] = calibrated(folder, MOTOR + said, columns_of(chosen))
                 print(f"{part}, {body}: {', '.join(warnings(runs[part, body]))}", flush=True)
-        for network, text in NETWORKS.items():
-            (folder / f"{network}.toml").write_text(text, encoding="utf-8")
-            larger[network] = calibrated(record, "whole", "", f"{folder / network}.toml", folder)
-            print(f"whole, {network}: {', '.join(warnings(larger[network]))}", flush=True)
-    put(out / "paderborn.md", table(runs, larger))
+    put(out / "paderborn.md", table(runs))
 
 
 def paderborn_record(description: str, out: str) -> tuple[pd.DataFrame, Path] | None:
@@ -95,16 +72,13 @@ def paderborn_record(description: str, out: str) -> tuple[pd.DataFrame, Path] | 
     return pd.read_csv(options.bench / PADERBORN), options.out
 
 
-def calibrated(
-    record: pd.DataFrame, part: str, sensors: str, network: str, folder: Path
-) -> heatrun.Run:
-    first, last = PARTS[part]
-    chosen = record[(record.time_s >= first) & (record.time_s < last)]
-    motor, test = folder / "motor.toml", folder / f"{part}.csv"
-    motor.write_text(MOTOR + sensors, encoding="utf-8")
-    pd.DataFrame(columns_of(chosen)).to_csv(test, index=False)
+def calibrated(folder: Path, motor: str, columns: dict[str, pd.Series]) -> heatrun.Run:
+    """Calibrate the second order as a user does, from files in a folder to a run in it."""
+    path, test = folder / "motor.toml", folder / "test.csv"
+    path.write_text(motor, encoding="utf-8")
+    pd.DataFrame(columns).to_csv(test, index=False)
     out = folder / f"run_{len(list(folder.iterdir()))}"
-    return heatrun.calibrate(motor, test, model=network, method="quick", out=out)
+    return heatrun.calibrate(path, test, model="second", method="quick", out=out)
 
 
 def columns_of(chosen: pd.DataFrame) -> dict[str, pd.Series]:
@@ -128,7 +102,7 @@ def warnings(run: heatrun.Run) -> list[str]:
     return [*dict.fromkeys(f.id for f in run.result.findings if f.severity == "warning")]
 
 
-def table(runs: dict[tuple[str, str], heatrun.Run], larger: dict[str, heatrun.Run]) -> str:
+def table(runs: dict[tuple[str, str], heatrun.Run]) -> str:
     lines = [
         "# One motor, parts of one record",
         "",
@@ -152,7 +126,7 @@ def table(runs: dict[tuple[str, str], heatrun.Run], larger: dict[str, heatrun.Ru
         ]
         has = ", ".join(effect.id for effect in model.effects) or "–"
         lines.append(f"| {part} | {body} | {headline(run.result).use} | {has} | "
-                     f"{' | '.join(intervals)} | {_errors(run, 'second')} |")  # fmt: skip
+                     f"{' | '.join(intervals)} | {_errors(run)} |")  # fmt: skip
     heads = "| parameter | pairs whose intervals overlap | pairs that are certified and disjoint |"
     lines += ["", heads, "|---|---|---|"]
     for name in PARAMETERS:
@@ -165,19 +139,6 @@ def table(runs: dict[tuple[str, str], heatrun.Run], larger: dict[str, heatrun.Ru
         lines.append(f"| {name} | {len(pairs) - len(apart)} of {len(pairs)} | "
                      f"{sum(pair in apart for pair in both)} of {len(both)}"
                      f"{f': {wrong}' if wrong else ''} |")  # fmt: skip
-    lines += [
-        "",
-        "The whole record, tooth and yoke fitted as nodes of their own:",
-        "",
-        "| network | log evidence [nat] | winding | tooth | yoke | magnet | noise, heat | warnings "
-        "|",
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    for network, run in larger.items():
-        model = run.result.models[network]
-        lines.append(
-            f"| {model.title} | {model.evidence.log_evidence:.0f} | {_errors(run, network)} |"
-        )
     return "\n".join([*lines, ""])
 
 
@@ -186,8 +147,8 @@ def is_certified(run: heatrun.Run, name: str) -> bool:
     return headline(run.result).use != "not usable" and entry.identifiability == "identified"
 
 
-def _errors(run: heatrun.Run, network: str) -> str:
-    model = run.result.models[network]
+def _errors(run: heatrun.Run) -> str:
+    model = run.result.models["second"]
     bodies = {row.body: f"{row.rmse_K:.2f} K" for row in model.bodies or ()}
     cells = [f"{model.residuals[0].rmse_K:.2f} K"]
     cells += [bodies.get(f"{name}_degC", "–") for name in ("tooth", "yoke", "magnet")]

@@ -61,47 +61,6 @@ READINGS = {
 STOPPED = ("Run3", 206.5)
 """The only run that goes on after the stop, and when its winding is hottest [s]."""
 
-NOTES = """
-## What these records can tell
-
-**The Paderborn machine** has what a fit needs: losses by a balance of powers, a coolant, and
-winding, tooth and yoke. Whether a network predicts what it has not seen is the column *held out*.
-A first half that knows one load only cannot tell how the machine behaves at another; its bands
-say so: they hold the readings, though the curve is off by up to a dozen kelvin.
-
-The machine runs at 5500 rpm throughout, with and without a load. Friction that follows the speed
-(*turning*) is therefore a constant heat in the rotor, told from the losses of the load only once
-that has been taken off.
-
-Four nodes with a magnet that no law of theirs follows are beyond this record: after heating and 20
-min of cooling the fit bends an instrument by several of its standard deviations, where it ends
-hangs on the last digits, and page 1 says *not to be used*.
-
-**The small motor**: no fit of these runs gives parameters of the machine.
-
-- *Heat from what?* The speed controller records the DC power, and zeros for the phase current.
-  Neither the copper loss (current) nor a balance (shaft power) can be formed, and `heatrun check`
-  refuses the runs as recorded. An electrical speed without pole pairs and a modulation are no shaft
-  power.
-- *DC power taken as losses* is an upper bound: the losses of the controller and what the shaft
-  takes out are in it. The fit may look good all the same, since power that is no heat
-  scales all capacities up and all resistances down together; only time constants are left. For
-  run 3 the warning `losses_of_dc_link` says so. In run 13 the voltage holds and the current falls
-  as copper's resistance rises, to 3 %, as under a locked rotor: no warning, and nothing in the
-  record says whether the shaft stood still; the controller's losses are in it either way.
-- *Run 2*: the two clocks cannot be joined. A step of the load in both logs, or one clock, is
-  missing.
-- *The measured stator body* tells where the stator starts and how heat divides between the bodies,
-  in time constants. It is no substitute for watts.
-- *Cooling alone* needs no losses: with `losses_W` and `phase_current_A` 0 under `[constants]`,
-  the part after the stop gives time constants (`Ceq` times `Req` of the first order), never `Ceq`
-  and `Req` apart. These runs end when the motor stops: one of them has 7 s of cooling, the others
-  none. Ten minutes more of logging after the stop would have given a time constant.
-- What would do: one phase current (a clamp) with the phase resistance and its temperature, the
-  rotor locked or the shaft free; or torque and speed beside the DC power; and the logger left on
-  while the motor cools.
-"""
-
 
 @dataclass(frozen=True)
 class Row:
@@ -175,29 +134,30 @@ def after_stop(path: Path, from_s: float) -> pd.DataFrame:
 
 def calibrated(job: Job, folder: Path) -> Row:
     began = time.monotonic()
-    motor = folder / "motor.toml"
-    motor.write_text(job.motor, encoding="utf-8")
     network = job.network
     if network in FILES:
         network = str(folder / f"{network}.toml")
         Path(network).write_text(FILES[job.network], encoding="utf-8")
-    tests = job.tests
-    if isinstance(tests, pd.DataFrame):
-        tests.to_csv(folder / "test.csv", index=False)
-        tests = str(folder / "test.csv")
-    held: list[str] = []
+    motor, test = folder / "motor.toml", folder / "test.csv"
+    motor.write_text(job.motor, encoding="utf-8")
+    if isinstance(job.tests, pd.DataFrame):
+        job.tests.to_csv(test, index=False)
+    held = [folder / "later.csv"] if job.holdout is not None else []
     if job.holdout is not None:
-        job.holdout.to_csv(folder / "later.csv", index=False)
-        held = [str(folder / "later.csv")]
+        job.holdout.to_csv(held[0], index=False)
+    tests = job.tests if isinstance(job.tests, str) else test
+
+    def refused(told: str) -> Row:
+        return Row(job.record, job.network, told, {}, {}, (), time.monotonic() - began)
+
     try:
         run = heatrun.calibrate(motor, [tests], holdout=held, model=network, method="quick")
     except Refused as error:
         errors = [finding for finding in error.findings if finding.severity == "error"]
         told = "; ".join(f"{f.id}: {first_sentence(f.message)}" for f in errors)
-        return Row(job.record, job.network, told, {}, {}, (), time.monotonic() - began)
+        return refused(told)
     except InputError as error:
-        told = first_sentence(str(error))
-        return Row(job.record, job.network, told, {}, {}, (), time.monotonic() - began)
+        return refused(first_sentence(str(error)))
     model = run.result.models[job.network]
     warnings = dict.fromkeys(f.id for f in run.result.findings if f.severity == "warning")
     return Row(
@@ -245,7 +205,7 @@ def table(rows: list[Row]) -> str:
         "|---|---|---|---|---|---|---|---|",
         *(line(row) for row in rows),
     ]
-    return "\n".join(lines) + "\n" + NOTES
+    return "\n".join(lines) + "\n"
 
 
 if __name__ == "__main__":

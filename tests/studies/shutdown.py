@@ -107,7 +107,6 @@ def bench(seed: int, delay_s: float, kind: str) -> Row:
         "truth": shutdown_degC,
         "motor": MOTOR.format(**said, more=more),
         "readings": "\n".join(lines) + "\n",
-        "first_degC": float(fine_degC[int(2 * delay_s)]),
     }
 
 
@@ -122,7 +121,6 @@ def run(job: Row) -> Row:
     keys = ("winding_degC", "winding_95_degC", "standard_uncertainty_K", "gum_uncertainty_K",
             "extrapolation_95_K", "is_determinable", "latest_first_reading_s")  # fmt: skip
     row |= {key: said[key] for key in keys}
-    row["lost_K"] = made["truth"] - made["first_degC"]
     row["by_hand"] = {one["method"]: one["degC"] for one in said["by_hand"]}
     latest = said["latest_first_reading_s"]
     if not said["is_determinable"] and latest is not None:

@@ -12,10 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from paderborn import MOTOR, columns_of, paderborn_record
+from paderborn import MOTOR, calibrated, columns_of, paderborn_record
 from study_runs import put, temporary
 
-import heatrun
 from heatrun import cli
 
 DROP_S, READ_S = 4394.0, 300.0
@@ -36,36 +35,19 @@ current_after = 0.46
 of it friction, which heats no winding. The lag is what the first load step shows."""
 
 
-NOTE = """
-Before the prior of a run left room for what its network lumps (time constants that are not the
-winding's own, a drop within the winding), one of its intervals ended 0.3 K below the truth, and of
-an older version all three.
-They are narrower than without the run by a fifth to a third, and not more right: all three
-answers lie below the truth.
-"""
-"""What the table of 2026-11-29 shows; to be read again where it is made anew."""
-
-
 def main() -> None:
     found = paderborn_record("A real load drop with its first readings hidden.", "shutdown")
     if found is None:
         return
     record, out = found
     with temporary() as folder:
-        run = calibrated(record, folder)
+        heating = columns_of(record[record.time_s < DROP_S - 10.0])
+        run = calibrated(folder, MOTOR + SAID, heating).path
         rows = [
             answer(record, delay, folder, of_run) for delay in DELAYS_S for of_run in (None, run)
         ]
     put(out / "real.md", table(rows))
     print(table(rows))
-
-
-def calibrated(record: pd.DataFrame, folder: Path) -> Path:
-    motor, test = folder / "motor.toml", folder / "heating.csv"
-    motor.write_text(MOTOR + SAID, encoding="utf-8")
-    pd.DataFrame(columns_of(record[record.time_s < DROP_S - 10.0])).to_csv(test, index=False)
-    heatrun.calibrate(motor, test, model="second", method="quick", out=folder / "run")
-    return folder / "run"
 
 
 def answer(record: pd.DataFrame, delay_s: float, folder: Path, run: Path | None) -> dict[str, Any]:
@@ -78,7 +60,6 @@ def answer(record: pd.DataFrame, delay_s: float, folder: Path, run: Path | None)
         "coolant_degC": part.coolant_degC,
     })  # fmt: skip
     readings.to_csv(folder / "readings.csv", index=False)
-    (folder / "motor.toml").write_text(MOTOR + SAID, encoding="utf-8")
     words = ["shutdown", f"{folder}/motor.toml", f"{folder}/readings.csv", "--json"]
     if run is not None:
         words += ["--run", str(run)]
@@ -123,7 +104,7 @@ def table(rows: list[dict[str, Any]]) -> str:
     for place, one in enumerate(first[0]["by_hand"]):
         off = (f"{row['by_hand'][place]['degC'] - row['truth']:+.1f}" for row in first)
         lines.append(f"| {one['method']} | {' | '.join(off)} |")
-    return "\n".join(lines) + "\n" + NOTE
+    return "\n".join(lines) + "\n"
 
 
 if __name__ == "__main__":

@@ -44,7 +44,6 @@ def run_study(
     *,
     files: tuple[str, str] = ("study.json", "table.md"),
     command: str = "",
-    more: Callable[[list[Row]], Row] = lambda rows: {},
     said: Callable[[Row], object] = lambda row: said_of(row),
     same: str = "",
     tasks: int = TASKS,
@@ -55,10 +54,9 @@ def run_study(
         options: Of `options_of`; without `processes` all is done in this process.
         jobs: All cases, each with a seed of its own.
         run: Works out one; importable.
-        table: Makes the page in Markdown of rows.
+        table: Makes the page in Markdown of rows; of a row `place` says how many came before it.
         files: Of the rows, from which an unfinished study goes on, and of the page.
         command: As `write_rows`.
-        more: What stands before the rows in their file.
         said: What is printed of a row.
         same: What those rows must have as the options say.
         tasks: As `rows_as_they_come`.
@@ -71,7 +69,7 @@ def run_study(
 
     def write() -> None:
         rows.sort(key=lambda row: row["seed"])
-        write_rows(path, rows, seed=options.seed, planned=len(jobs), command=command, **more(rows))
+        write_rows(path, rows, seed=options.seed, planned=len(jobs), command=command)
         page.write_text(table(rows), encoding="utf-8")
 
     done = {row["seed"] for row in rows}
@@ -81,7 +79,7 @@ def run_study(
         left, run, processes=processes, minutes=options.minutes, tasks=tasks
     ):
         for row in finished:
-            rows.append(row)
+            rows.append(row | {"place": len(rows)})
             print(f"{len(rows)}/{len(jobs)} {said(row)}", flush=True)
         write()
     write()
@@ -139,18 +137,22 @@ def said_of(row: Row) -> str:
     return f"{words}: {names} {row.get('processor_s', 0.0):.0f} s {row.get('failure', '')}"
 
 
-def write_rows(
-    path: Path, rows: Sequence[Row], *, seed: int, planned: int, command: str = "", **more: Any
-) -> None:
-    """Write the rows of a study with command, seed and versions as JSON, a line for each row."""
-    content = {
+def about(seed: int, planned: int, command: str = "") -> Row:
+    """Return what stands before the rows of a study: command, seed and versions."""
+    return {
         "command": command or " ".join(sys.argv),
         "seed": seed,
         "planned": planned,
         "python": platform.python_version(),
         "versions": {name: version(name) for name in PACKAGES},
-        **more,
     }
+
+
+def write_rows(
+    path: Path, rows: Sequence[Row], *, seed: int, planned: int, command: str = ""
+) -> None:
+    """Write the rows of a study, a line for each, behind what is said `about` it."""
+    content = about(seed, planned, command)
     head = json.dumps(content, indent=1).removesuffix("\n}")
     lines = ",\n".join(f"  {json.dumps(row)}" for row in rows)
     path.write_text(f'{head},\n "rows": [\n{lines}\n ]\n}}\n', encoding="utf-8")

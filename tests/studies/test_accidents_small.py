@@ -2,7 +2,6 @@
 
 import pytest
 from accidents import is_named, run, table
-from gate_rows import limits_95
 
 
 def test_clean_records_are_not_accused_and_accidents_are_named(tmp_path):
@@ -34,7 +33,3 @@ def test_another_moment_or_another_finding_is_not_named():
     assert is_named(row)
     assert not is_named(row | {"at_s": 2000.0})
     assert not is_named(row | {"findings": [["time_gap", *found[1:]]]})
-
-
-def test_limits_of_a_share():
-    assert limits_95(0, 240) == pytest.approx((0.0, 0.0152), abs=1e-4)
