@@ -21,7 +21,8 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from ..version import __version__
-from .c_file import HEADER, INPUTS, SOURCE, CSource, filled_template, in_comment, parts_of
+from .c_file import HEADER, SOURCE, CSource, filled_template
+from .laws import INPUTS, in_comment, parts_of
 from .parameters import Entry, unique
 
 NAME = "thermal_network"

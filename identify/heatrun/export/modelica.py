@@ -13,7 +13,8 @@ import numpy as np
 from lptn.effects.heat_paths import STEFAN_BOLTZMANN
 
 from ..version import __version__
-from .c_file import INPUTS, CSource, filled_template, in_comment, links_of
+from .c_file import CSource, filled_template
+from .laws import INPUTS, in_comment, links_of
 from .parameters import Entry, unique
 
 TYPES = {"J/K": "HeatCapacity", "K/W": "ThermalResistance", "Ohm": "Resistance", "W": "Power"}

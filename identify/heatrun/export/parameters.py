@@ -7,41 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..model.model import Model
-from .c_file import CSource, links_of
-
-OF_EFFECTS = {
-    "speed_gain": ("speed_cooling.g", "1", "gain of a conductance at the rated speed"),
-    "speed_exponent": ("speed_cooling.m", "1", "exponent of the speed"),
-    "fan_gain": ("fan_cooling.g", "1", "gain of a conductance at the rated fan"),
-    "moved_W": ("moved_loss.{0}.P", "W", "loss that heats {0} at the rated speed and current"),
-    "moved_exponent": ("moved_loss.{0}.n", "1", "exponent of the speed in it"),
-    "moved_by_load": ("moved_loss.{0}.m", "1", "how far it goes with the squared current"),
-    "copper_moved": ("end_winding.f", "1", "share of the copper loss that heats {0}"),
-    "ac_copper": ("ac_copper_loss.k", "1", "more copper loss at the rated speed"),
-    "stray_W": ("stray_load_loss.k", "W", "stray loss at the rated speed and current"),
-    "resistance_gain": ("winding_resistance.g", "1", "gain of the phase resistance"),
-    "coefficient_more_degC": ("copper_coefficient.dB", "K", "B of R(T) beyond the material's"),
-    "standby_W": ("standby_loss.P0", "W", "loss at rest"),
-    "loss_gain": ("loss_gain.g", "1", "gain of the losses"),
-    "recirculation_K_per_W": ("ambient_recirculation.r", "K/W", "rise of the sink with the losses"),
-    "coolant_share": ("coolant_sink.a", "1", "share of the coolant in the sink"),
-    "outside_share": ("external_loss.k", "1", "losses that stay outside at the rated speed"),
-    "outside_exponent": ("external_loss.m", "1", "exponent of the speed in it"),
-    "friction_Nm": ("bearing_friction.{0}.T_f", "N.m", "friction torque of cold bearings"),
-    "friction_fall_per_K": ("bearing_friction.{0}.kappa", "1/K", "its fall with temperature"),
-    "radiating_m2": ("radiation.{0}.eA", "m2", "emissivity times surface"),
-    "natural_share": ("natural_convection.f", "1", "part of a conductance, natural convection"),
-    "natural_exponent": ("natural_convection.n", "1", "exponent of the difference in it"),
-    "warmth_gain_per_K": ("insulation_conductivity.b", "1/K", "gain of a conductance per kelvin"),
-    "speed_loss_W": ("speed_loss.{0}.linear", "W", "loss of {0} at 1000 rpm by the speed"),
-    "speed_squared_loss_W": (
-        "speed_loss.{0}.square",
-        "W",
-        "loss of {0} at 1000 rpm by its square",
-    ),
-    "share": ("share.{0}", "1", "share of the losses other than copper in {0}"),
-}
-"""Name, unit and meaning of what stands in the C beside C, R and Rs0; {0} is a node."""
+from .c_file import CSource
+from .laws import MEMBERS, links_of
 
 
 @dataclass(frozen=True)
@@ -115,7 +82,7 @@ def _said(source: CSource, model: Model, member: str, index: int | None) -> tupl
         return parameter.name, parameter.unit, parameter.meaning
     if member == "Rs0_ohm":
         return "Rs0", "Ohm", f"phase resistance at {float(source.found['Tref']):g} degC"
-    name, unit, meaning = OF_EFFECTS[member]
+    name, unit, meaning = MEMBERS[member]
     node = nodes[index] if "{0}" in name and index is not None else ""
     return name.format(node), unit, meaning.format(node)
 
