@@ -13,10 +13,11 @@ import numpy as np
 from ..errors import InputError
 from ..io.quantities import aligned, as_printed
 from ..record.by_resistance import by_resistance
-from ..record.channels import CHANNEL, Channel, combine, known_by, sensors_differ
+from ..record.channels import CHANNEL, Channel
 from ..record.derive import constants_of, formulas
 from ..record.header import read_heading
 from ..record.record import ColumnReading, Finding, Record, UnitSource
+from ..record.several import combine, known_by, sensors_differ
 from ..record.table import Column, Stated
 from ..record.units import (
     AMPERE,
