@@ -10,7 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import pytest
-from turning import NETWORK, RS0, T0, TRUTH, amperes, copper, course, friction, iron, record, rpm
+from turning import NETWORK, T0, TRUTH, course, friction, iron, record, rpm
+from two_sinks import RS0, amperes, copper
 
 import heatrun
 from heatrun import cli
