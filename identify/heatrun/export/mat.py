@@ -48,11 +48,7 @@ ZIP_WORDS = b"heatrun export: see modelDescription.xml\n"
 
 
 def zipped(files: Mapping[str, bytes]) -> bytes:
-    """Return a ZIP archive that is known as heatrun's; the same files give the same bytes.
-
-    Args:
-        files: Content by path.
-    """
+    """Return content by path as a ZIP archive of heatrun's; the same gives the same bytes."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
         archive.writestr(zipfile.ZipInfo(ZIP_FIRST), ZIP_WORDS)  # of 1980, as the others
@@ -98,9 +94,7 @@ def contents_of(found: RunAndTest) -> Contents:
 def mat_bytes(variables: Mapping[str, Any]) -> bytes:
     """Return a MATLAB 5 file, uncompressed; the same variables give the same bytes.
 
-    Args:
-        variables: By name arrays of two dimensions, object arrays for cells, dictionaries for
-            structs, or text.
+    They are arrays of two dimensions, object arrays for cells, dictionaries for structs, or text.
     """
     buffer = io.BytesIO()
     scipy.io.savemat(buffer, dict(variables), format="5", do_compression=False)
@@ -158,13 +152,9 @@ def write_export(
     *,
     is_replacing: bool,
 ) -> list[Path]:
-    """Write files into the first folder that holds no other export.
+    """Write files, content by name, into the first of some folders that holds no other export.
 
-    Args:
-        places: The folders, best first; a single one is where the user wants them.
-        content: The files by name.
-        inputs: Files that the export was made of.
-        is_replacing: Whether another export is replaced.
+    A single folder is where the user wants them; none of the inputs that they were made of is lost.
 
     Returns:
         Where the files are.
