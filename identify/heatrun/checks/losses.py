@@ -366,7 +366,7 @@ def _far_above_copper(record: Record, motor: Motor, line: str) -> Iterator[Findi
     """Report losses beside which the copper loss is next to nothing at the highest current."""
     time_s, copper, total = _copper_and_total(record, motor)
     speed = samples(record, "speed_rpm")[1]
-    rise_K, least_K = warming(record)
+    rise_K, least_K, *_ = warming(record)
     stands = bool(speed.size and np.max(np.abs(speed)) < STANDSTILL_RPM)
     if time_s.size < 6 or stands or rise_K <= least_K:
         return
