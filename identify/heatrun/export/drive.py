@@ -60,14 +60,11 @@ def export_drive(
     network: str | None = None,
     is_replacing: bool = False,
 ) -> dict[str, Any]:
-    """Write the parameters of a drive's motor protection.
+    """Write the parameters of a drive's motor protection, by the last network of the run if none is
+    named.
 
-    Args:
-        run: The run folder.
-        folder: Where the files go; None for a folder `drive` in the run, numbered where that holds
-            another export.
-        network: Name of the network; None for the last one of the run.
-        is_replacing: Whether another export in `folder` is replaced.
+    Without a folder they go to `drive` in the run, numbered where that holds another export, unless
+    this is replaced.
 
     Returns:
         As plain data: the files, network (`order`, `title`), `parameters` as in the TOML file,

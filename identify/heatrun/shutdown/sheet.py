@@ -147,14 +147,11 @@ def write_results(
     certificate: bytes | None = None,
     is_replacing: bool = False,
 ) -> list[Path]:
-    """Write `shutdown.json`, sheet and workbook, `readings.csv` and the figure.
+    """Write `shutdown.json`, sheet and workbook, `readings.csv` and the figure into a folder that
+    is made.
 
-    Args:
-        result: The result.
-        folder: Where to; it is made.
-        stated: What the laboratory states, and the language; None for nothing, in English.
-        certificate: Its Digital Calibration Certificate; None for none.
-        is_replacing: Whether another result that stands there is replaced.
+    What the laboratory states has the language too, English where nothing is stated. A Digital
+    Calibration Certificate goes beside them, if there is one.
 
     Raises:
         InputError: If the folder cannot be written, or holds another result.
@@ -257,11 +254,8 @@ HOW = (
 
 
 def dcc_text(result: ShutdownResult, certificate: Certificate) -> bytes:
-    """Return the certificate of a temperature at switch-off.
-
-    Args:
-        result: The result.
-        certificate: What the laboratory states; its days are those of the readings.
+    """Return the certificate of a temperature at switch-off; the days that the laboratory states
+    are those of the readings.
 
     Raises:
         InputError: If the temperature is not determinable, or something is not stated that such a
