@@ -325,7 +325,7 @@ class MappedColumns:
     ) -> None:
         """Take several columns for the channel `name`, each of them taken alone before.
 
-        `text` is what `[columns]` says, `how` as `heatrun.record.channels.combine`.
+        `text` is what `[columns]` says, `how` as `heatrun.record.several.combine`.
         """
         readings = [reading for one in each for reading in one.readings]
         values = [one.channels[name] for one in each]
