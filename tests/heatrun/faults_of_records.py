@@ -106,9 +106,7 @@ TURNING = changed(
 )
 TWO_PHASES = of_balance(TURNING, 8.0 / 1.5 * TURNING["losses_W"], 7.0 * TURNING["losses_W"])
 REVERSED = changed(
-    SMOOTH,
-    losses_W=SMOOTH["losses_W"][::-1],
-    phase_current_A=SMOOTH["phase_current_A"][::-1],
+    SMOOTH, losses_W=SMOOTH["losses_W"][::-1], phase_current_A=SMOOTH["phase_current_A"][::-1]
 )
 MIRRORED = changed(SMOOTH, winding_degC=44.0 - SMOOTH["winding_degC"])
 

@@ -38,13 +38,7 @@ from .load_spike import load_spike, spike_windows
 from .losses import current_amplitude, losses_below_copper, losses_negative, losses_of_shaft
 from .presence import missing_channel, nan_block, too_few_samples
 from .same_quantity import columns_disagree
-from .sensor import (
-    loses_contact,
-    open_spans,
-    sensor_detached,
-    sensor_pickup,
-    temperature_jump,
-)
+from .sensor import loses_contact, open_spans, sensor_detached, sensor_pickup, temperature_jump
 from .standstill import current_scale_unchecked, resistance_coefficient, standstill_losses
 from .suitability import simulated_by_heatrun
 from .time_axis import (
@@ -160,16 +154,13 @@ def check_record(record: Record, motor: Motor) -> tuple[Finding, ...]:
         )
         for check in checks:
             errors = {one.id for one in findings if one.severity == "error"}
-            if errors and check in OF_THE_COURSE:
-                continue
-            if check in IF_NOTHING_ELSE and not _is_of_the_course(findings):
-                continue
+            is_unclear = errors & {"unit_suspected", "losses_of_shaft", "units_temperature"}
             if (
-                errors & {"unit_suspected", "losses_of_shaft", "units_temperature"}
-                and check in OF_THE_BALANCE
+                (errors and check in OF_THE_COURSE)
+                or (is_unclear and check in OF_THE_BALANCE)
+                or (check in IF_NOTHING_ELSE and not _is_of_the_course(findings))
+                or (check in OF_THE_SENSOR and (check is not OF_THE_SENSOR[0] or is_off))
             ):
-                continue
-            if check in OF_THE_SENSOR and (check is not OF_THE_SENSOR[0] or is_off):
                 continue
             if check in OF_THE_SENSOR:
                 found, record = _of_the_sensor(record, motor)

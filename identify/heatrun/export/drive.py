@@ -54,11 +54,7 @@ MEANINGS = {
 
 
 def export_drive(
-    run: Path,
-    *,
-    folder: Path | None = None,
-    network: str | None = None,
-    is_replacing: bool = False,
+    run: Path, *, folder: Path | None = None, network: str | None = None, is_replacing: bool = False
 ) -> dict[str, Any]:
     """Write the parameters of a drive's motor protection, by the last network of the run if none is
     named.

@@ -15,16 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 import scipy.io
 
-from lptn import (
-    EFFECTS,
-    CopperLosses,
-    Inputs,
-    Network,
-    Sensor,
-    SpeedLoss,
-    longest_step,
-    simulate,
-)
+from lptn import EFFECTS, CopperLosses, Inputs, Network, Sensor, SpeedLoss, longest_step, simulate
 from lptn.effects import AbstractEffect, HeatEffect, NodeEffect
 from lptn.effects.bodies import WindingNode
 from lptn.effects.sensors import SensorGain, SensorLag, SensorPickup, TimeShift
@@ -149,9 +140,7 @@ def _simulated(found: Mapping[str, Any]) -> NetworkCourse:
     time = np.atleast_1d(found["t"]) - found["t"][0]
     grid = Grid.of(time, _longest(network, effects, time))
     sensor = Sensor(
-        node=found["sensor"]["node"],
-        gain=found["sensor"]["gain"],
-        offset=found["sensor"]["offset"],
+        node=found["sensor"]["node"], gain=found["sensor"]["gain"], offset=found["sensor"]["offset"]
     )
     trace = simulate(network, _losses(found), _inputs(found, grid), start, effects=effects,
                      sensor=sensor)  # fmt: skip

@@ -24,15 +24,7 @@ import numpy as np
 from ..errors import InputError
 from ..io.whole_files import numbered
 from ..runs.run import Run, open_run
-from .c_file import (
-    HARNESS,
-    MOST_BYTES,
-    OBSERVER_VECTORS,
-    SOURCE,
-    STEP_S,
-    VECTORS,
-    CSource,
-)
+from .c_file import HARNESS, MOST_BYTES, OBSERVER_VECTORS, SOURCE, STEP_S, VECTORS, CSource
 from .fmu import compiled, fmu_files
 from .laws import LAWS, lacking_laws, refuse_lawless
 from .mat import NETWORK, mat_bytes, write_export, zipped
