@@ -30,7 +30,7 @@ from .course import (
     truncation,
 )
 from .excitation import single_step, too_short
-from .frozen import Looked, saturation, sensor_stuck
+from .frozen import Looked, frozen_stretches, saturation, sensor_stuck
 from .heat import load_of_another, losses_absent, losses_absurd, losses_of_dc_link
 from .load_held import load_stuck
 from .load_moments import load_late
@@ -50,6 +50,7 @@ from .time_axis import (
     time_gap,
     time_jitter,
 )
+from .unexplained import unexplained_movement
 from .units import ambient_implausible, unit_assumed, units_temperature
 from .which_unit import read_otherwise, unit_suspected
 
@@ -176,7 +177,8 @@ def _of_the_sensor(record: Record, motor: Motor) -> tuple[list[Finding], Record]
     """Return the findings on the winding's reading in the order of time, and the record without."""
     told: list[Finding] = []
     for _ in range(MOST_FAULTS):
-        looked = Looked.at(record, motor)
+        stretches = tuple(frozen_stretches(record, motor))
+        looked = Looked(unexplained_movement(record, motor), stretches)
         found = [one for check in OF_THE_SENSOR for one in check(record, motor, looked)]
         found = [one for one in found if not _is_below_a_top(one, told)]
         errors = [one for one in found if mended(record, motor, one)[0] is not record]
