@@ -32,9 +32,8 @@ from heatrun import cli
 from heatrun.errors import InputError
 from heatrun.export import export_source
 from heatrun.export.fmu import fmu_files
-from heatrun.export.laws import LAWS, in_comment
+from heatrun.export.laws import LAWS, entries, in_comment
 from heatrun.export.missed import of_losses
-from heatrun.export.parameters import entries
 from heatrun.export.rerun import of_no_test, read_run_test
 from heatrun.export.variables import Corrections
 from heatrun.export.vectors import observer_courses

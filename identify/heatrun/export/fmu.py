@@ -22,8 +22,7 @@ import numpy as np
 
 from ..version import __version__
 from .c_file import HEADER, SOURCE, CSource, filled_template
-from .laws import INPUTS, in_comment, parts_of
-from .parameters import Entry, unique
+from .laws import INPUTS, Entry, in_comment, parts_of, unique
 
 NAME = "thermal_network"
 

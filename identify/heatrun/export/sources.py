@@ -26,13 +26,12 @@ from ..io.whole_files import numbered
 from ..runs.run import Run, open_run
 from .c_file import HARNESS, MOST_BYTES, OBSERVER_VECTORS, SOURCE, STEP_S, VECTORS, CSource
 from .fmu import compiled, fmu_files
-from .laws import LAWS, lacking_laws, refuse_lawless
+from .laws import LAWS, Entry, entries, lacking_laws, refuse_lawless
 from .mat import NETWORK, mat_bytes, write_export, zipped
 from .missed import Missed, names_of_laws
 from .modelica import modelica
 from .network_course import read_network
 from .network_file import SIGNALS
-from .parameters import Entry, entries
 from .rerun import RunAndTest, as_replica, effects_of, of_no_test, read_run_test, shaft_of
 from .variables import Corrections
 from .vectors import observer_courses, readings, vectors
