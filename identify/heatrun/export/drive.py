@@ -56,11 +56,14 @@ MEANINGS = {
 def export_drive(
     run: Path, *, folder: Path | None = None, network: str | None = None, is_replacing: bool = False
 ) -> dict[str, Any]:
-    """Write the parameters of a drive's motor protection, by the last network of the run if none is
-    named.
+    """Write the parameters of a drive's motor protection.
 
-    Without a folder they go to `drive` in the run, numbered where that holds another export, unless
-    this is replaced.
+    Args:
+        run: The run folder.
+        folder: Where the files go; None for a folder `drive` in the run, numbered where that holds
+            another export.
+        network: Name of the network; None for the last one of the run.
+        is_replacing: Whether another export in `folder` is replaced.
 
     Returns:
         As plain data: the files, network (`order`, `title`), `parameters` as in the TOML file,

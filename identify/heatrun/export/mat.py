@@ -265,10 +265,18 @@ def export_test(
     is_corrected: bool = False,
     is_replacing: bool = False,
 ) -> dict[str, Any]:
-    """Write any test as a MAT file, with the parameters of a run or of a file, as `read_new_test`.
+    """Write any test as a MAT file, with the parameters of a run or of a file.
 
-    Without a folder the files go to `NAME_mat` here, numbered where it holds another export; all
-    else is as `export_mat` has it.
+    Args:
+        source: A run folder, a TOML file of parameters, or a `prova.mat`.
+        test: The test, as `heatrun.readers.joined.read_test`.
+        motor: As `read_new_test`.
+        folder: Where the files go; None for a folder `NAME_mat` here, numbered where it holds
+            another export.
+        network: As `read_new_test`.
+        is_replica: As `export_mat`.
+        is_corrected: As `export_mat`.
+        is_replacing: As `export_mat`.
 
     Returns:
         As `export_mat`.

@@ -62,8 +62,12 @@ class RunAndTest:
 
 
 def read_run_test(run: Path, *, test: str | None = None, network: str | None = None) -> RunAndTest:
-    """Read a test of a run again: the first that was calibrated on, with the last network of the
-    run, if none is named.
+    """Read a test of a run again.
+
+    Args:
+        run: The run folder.
+        test: Name of the test; None for the first that was calibrated on.
+        network: Name of the network; None for the last one of the run.
 
     Raises:
         InputError: If the folder is no run, lacks the network or the test, or a file of the test
@@ -250,11 +254,14 @@ def _refuse_negative(values: Mapping[str, float], run: Path) -> None:
 def read_new_test(
     source: Path, test: Path, *, motor: Motor | None = None, network: str | None = None
 ) -> RunAndTest:
-    """Read a test, as `heatrun.readers.joined.read_test`, and give it the parameters of a run
-    folder, a TOML file or a `prova.mat`.
+    """Read a test, and give it the parameters of a run or of a file.
 
-    The motor file says how the bench of the test measures; None for the run's own, of which the run
-    keeps a copy. Networks are as in `heatrun.simulation.simulate_file`.
+    Args:
+        source: A run folder, a TOML file of parameters, or a `prova.mat`.
+        test: As `heatrun.readers.joined.read_test`.
+        motor: How the bench of the test measures; None for the run's own motor file, which the
+            run keeps a copy of.
+        network: As `heatrun.simulation.simulate_file`.
 
     Returns:
         The test. One that the run was fitted to has its name and its values there; any other

@@ -241,12 +241,15 @@ def export_mujoco(
     motor_constant: float | None = None,
     is_replacing: bool = False,
 ) -> dict[str, Any]:
-    """Write a model of MuJoCo with the motor as its actuator, by the last network of the run if
-    none is named.
+    """Write a model of MuJoCo with the motor as its actuator.
 
-    Without a folder it goes to `mujoco` in the run, numbered where that holds another export,
-    unless this is replaced. The motor constant is the torque per rms ampere [N m/A]; None for 1,
-    which is said.
+    Args:
+        run: The run folder.
+        folder: Where the file goes; None for a folder `mujoco` in the run, numbered where that
+            holds another export.
+        network: Name of the network; None for the last one of the run.
+        motor_constant: Torque per rms ampere [N m/A]; None for 1, which is said.
+        is_replacing: Whether another export in `folder` is replaced.
 
     Returns:
         As plain data: the files, network (`order`, `title`), attributes of the actuator, its

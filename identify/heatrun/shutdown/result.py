@@ -99,11 +99,15 @@ def winding_at_shutdown(
     within_K: float = WITHIN_K,
     seed: int = 0,
 ) -> ShutdownResult:
-    """Extrapolate readings to the instant of switch-off, by what `[shutdown]` of the machine says.
+    """Extrapolate readings to the instant of switch-off.
 
-    The prior of time constants and amplitudes is that of machines in general if none is given. An
-    extrapolation beyond `within_K`, half-width of a 95 % interval [K], makes the answer not
-    determinable.
+    Args:
+        motor: The machine, with `[shutdown]`.
+        readings: What was read.
+        modes: Prior of time constants and amplitudes; that of machines in general if None.
+        within_K: Extrapolation beyond which the answer is not determinable, half-width of a 95 %
+            interval [K].
+        seed: Of the draws.
     """
     time_s, degC, scatter = _reduced(readings)
     prior = modes or UsualModes(rise_K=float(degC[0]) - readings.sink_degC)

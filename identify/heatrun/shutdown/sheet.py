@@ -147,11 +147,14 @@ def write_results(
     certificate: bytes | None = None,
     is_replacing: bool = False,
 ) -> list[Path]:
-    """Write `shutdown.json`, sheet and workbook, `readings.csv` and the figure into a folder that
-    is made.
+    """Write `shutdown.json`, sheet and workbook, `readings.csv` and the figure.
 
-    What the laboratory states has the language too, English where nothing is stated. A Digital
-    Calibration Certificate goes beside them, if there is one.
+    Args:
+        result: The result.
+        folder: Where to; it is made.
+        stated: What the laboratory states, and the language; None for nothing, in English.
+        certificate: Its Digital Calibration Certificate; None for none.
+        is_replacing: Whether another result that stands there is replaced.
 
     Raises:
         InputError: If the folder cannot be written, or holds another result.
@@ -254,8 +257,11 @@ HOW = (
 
 
 def dcc_text(result: ShutdownResult, certificate: Certificate) -> bytes:
-    """Return the certificate of a temperature at switch-off; the days that the laboratory states
-    are those of the readings.
+    """Return the certificate of a temperature at switch-off.
+
+    Args:
+        result: The result.
+        certificate: What the laboratory states; its days are those of the readings.
 
     Raises:
         InputError: If the temperature is not determinable, or something is not stated that such a
