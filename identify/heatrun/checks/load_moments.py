@@ -161,8 +161,11 @@ def _known(
 ) -> Blocks:
     """Return blocks that know what shocks of unknown size do to their means.
 
-    They come at times from the begin of the grid [s], and a standard deviation of each adds so much
-    to each mode at once [K], which then decays at a rate, negative [1/s].
+    Args:
+        blocks: The record.
+        rates_per_s: At which the modes decay, negative [1/s].
+        time_s: When the shocks come, from the begin of the grid [s].
+        sd_K: What a standard deviation of each adds to each mode at once [K].
     """
     from scipy import fft
 

@@ -197,8 +197,10 @@ class CSource:
         }
 
     def texts(self, said: Iterable[tuple[str, str, tuple[float, float]]] = ()) -> dict[str, bytes]:
-        """Return header, source and harness by file name; the comment of the source has the name in
-        the run, member and 95 % interval of the parameters.
+        """Return header, source and harness by file name.
+
+        Args:
+            said: Name in the run, member and 95 % interval of the parameters, for a comment.
         """
         lines = [f" *     {member:30} {low:.6g} to {high:.6g}  {in_comment(name)}\n"
                  for name, member, (low, high) in said]  # fmt: skip

@@ -229,9 +229,11 @@ SIGNALS = {
 
 
 def _names(content: Mapping[str, Any], sink_ohm: float) -> list[dict[str, Any]]:
-    """Return the parameters by the names of makers and firmware, as far as they are known, from
-    what stands in the file beside them and the phase resistance at the temperature of the sink
-    [ohm].
+    """Return the parameters by the names of makers and firmware, as far as they are known.
+
+    Args:
+        content: What stands in the file beside them.
+        sink_ohm: Phase resistance at the temperature of the sink [ohm].
     """
     bodies = content["bodies"]
     warm = bodies["one_with_rising_resistance"]["values"]

@@ -66,7 +66,12 @@ class Variable(NamedTuple):
 
 
 def fmu_files(source: CSource, parameters: Sequence[Entry]) -> dict[str, bytes]:
-    """Return what an FMU holds, without binaries, by path; the parameters can be set."""
+    """Return what an FMU holds, without binaries, by path.
+
+    Args:
+        source: The network as C.
+        parameters: Those that can be set.
+    """
     # parameters may be set as low as their bounds: the network is faster then
     found = {name: np.array(source.found[name], float, ndmin=1)
              for name in ("capacitance", "resistance")}  # fmt: skip
@@ -224,7 +229,11 @@ def _bytes(root: Element) -> bytes:
 
 
 def compiled(files: Mapping[str, bytes]) -> tuple[dict[str, bytes], list[str]]:
-    """Return the binary of an FMU for this platform by path, or why there is none."""
+    """Return the binary of an FMU for this platform by path, or why there is none.
+
+    Args:
+        files: From `fmu_files`.
+    """
     alone = "The FMU holds its sources alone, which many simulators compile themselves"
     try:
         import cmake

@@ -214,8 +214,12 @@ class Entry:
 
 
 def entries(source: CSource, model: Model, ends: Iterable[CSource] = ()) -> list[Entry]:
-    """Return the parameters that a run has found, in the order of the C, with their intervals where
-    it is there at the ends of these.
+    """Return the parameters that a run has found, in the order of the C.
+
+    Args:
+        source: The network as C.
+        model: That it was made of.
+        ends: The same at the ends of the intervals; empty where there are none.
     """
     tables = [each.parameters() for each in (source, *ends)]
     kept = []
@@ -255,8 +259,12 @@ def _said(source: CSource, model: Model, member: str, index: int | None) -> tupl
 
 
 def unique(names: Iterable[str], taken: Iterable[str] = (), point: str = ".") -> Iterator[str]:
-    """Give names in letters and digits that any program reads, each once, also beside those that
-    are taken; points part them, or what stands for a point afterwards.
+    """Give names in letters and digits that any program reads, each once.
+
+    Args:
+        names: Any names; points part them.
+        taken: Names that are there already.
+        point: What parts them afterwards.
     """
     used = set(taken)
     for name in names:

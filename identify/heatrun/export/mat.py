@@ -48,7 +48,11 @@ ZIP_WORDS = b"heatrun export: see modelDescription.xml\n"
 
 
 def zipped(files: Mapping[str, bytes]) -> bytes:
-    """Return content by path as a ZIP archive of heatrun's; the same gives the same bytes."""
+    """Return a ZIP archive that is known as heatrun's; the same files give the same bytes.
+
+    Args:
+        files: Content by path.
+    """
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
         archive.writestr(zipfile.ZipInfo(ZIP_FIRST), ZIP_WORDS)  # of 1980, as the others
@@ -94,7 +98,9 @@ def contents_of(found: RunAndTest) -> Contents:
 def mat_bytes(variables: Mapping[str, Any]) -> bytes:
     """Return a MATLAB 5 file, uncompressed; the same variables give the same bytes.
 
-    They are arrays of two dimensions, object arrays for cells, dictionaries for structs, or text.
+    Args:
+        variables: By name arrays of two dimensions, object arrays for cells, dictionaries for
+            structs, or text.
     """
     buffer = io.BytesIO()
     scipy.io.savemat(buffer, dict(variables), format="5", do_compression=False)
@@ -152,9 +158,13 @@ def write_export(
     *,
     is_replacing: bool,
 ) -> list[Path]:
-    """Write files, content by name, into the first of some folders that holds no other export.
+    """Write files into the first folder that holds no other export.
 
-    A single folder is where the user wants them; none of the inputs that they were made of is lost.
+    Args:
+        places: The folders, best first; a single one is where the user wants them.
+        content: The files by name.
+        inputs: Files that the export was made of.
+        is_replacing: Whether another export is replaced.
 
     Returns:
         Where the files are.

@@ -64,9 +64,13 @@ class Missed:
         The losses are meant as the run corrects them. What it leaves open of that is in the
         parameters: they are drawn for losses that are given.
 
-        The test that is exported is `found`, `whole` the same with all effects of the run; where
-        `found` has fewer, its readings of the losses are taken as they are, and readings stray from
-        it by an RMS `bias_K`.
+        Args:
+            run: The run.
+            network: Name of the network; None for the last one.
+            found: The test that is exported.
+            whole: The same with all effects of the run; where `found` has fewer, its readings of
+                the losses are taken as they are.
+            bias_K: RMS by which a simpler network is elsewhere: readings stray from it so far.
         """
         model, record = run.result.models[run.choose(network)], found.record
         from ..posterior.predict import predict
@@ -111,9 +115,12 @@ class Missed:
         return replace(self, misfit_K=math.hypot(self.misfit_K, more * self.slow_K))
 
     def heat_W(self, losses: float, W_per_K: float, time_s: float) -> tuple[float, float]:
-        """Return the standard deviation of the missed heat [W], and its correlation time [s], by
-        the mean loss [W], and conductance to what surrounds the sensed node, and time constant of
-        it.
+        """Return the standard deviation of the missed heat [W], and its correlation time [s].
+
+        Args:
+            losses: Mean loss [W].
+            W_per_K: Conductance from the sensed node to what surrounds it.
+            time_s: Time constant of that node.
         """
         slow, fast = self.heat * losses, self.misfit_K * W_per_K
         fast *= math.sqrt(1.0 + time_s / self.slow_s)  # such heat moves the node by the misfit
@@ -121,7 +128,11 @@ class Missed:
         return math.sqrt(both), (slow**2 * self.heat_s + fast**2 * self.slow_s) / both
 
     def reading(self, step: float) -> float:
-        """Return the standard deviation of the white part of readings that come each step [K]."""
+        """Return the standard deviation of the white part of one reading [K].
+
+        Args:
+            step: Time between readings [s].
+        """
         white = self.white_K**2 * max(1.0, BLOCK_S / step)
         return math.sqrt(max(white, self.resolution_K**2 / 12.0) + 1e-6)
 
@@ -183,8 +194,11 @@ def _at_rest(model: FittedModel, losses: float) -> float:
     """Return the standard deviation of the steady rise over the rise, for losses that are given
     [1]; 0 where the run has none.
 
-    The readings of their own test hold the draws together; at rest these lie farther apart. The
-    losses have a standard deviation that the run's rise has in it, over these [1].
+    The readings of their own test hold the draws together; at rest these lie farther apart.
+
+    Args:
+        model: The network.
+        losses: Standard deviation of the losses, which the run's rise has in it, over these [1].
     """
     rest = model.derived.get("steady_rise_K")
     value, sd = (None, None) if rest is None else (known(rest.value), known(rest.sd))
@@ -204,8 +218,11 @@ def _moved_copper(priors: Mapping[str, Parameter], found: RunAndTest) -> float:
 
 
 def of_losses(errors: Mapping[str, float], test: Blocks) -> tuple[float, float]:
-    """Return what errors of instruments make of the losses, in two parts, RMS over the test, by
-    their size; their names are of `POWER` [their units].
+    """Return what errors of instruments make of the losses, in two parts, RMS over the test.
+
+    Args:
+        errors: Size by name, one of `POWER` [their units].
+        test: The test.
 
     Returns:
         The part that goes with the losses, over these [1]; and the rest, over their mean [1].
@@ -233,8 +250,11 @@ def _spread(
 ) -> tuple[float, float]:
     """Return the standard deviation of a temperature from the parameters, in two parts.
 
-    What `moved` says of each node has a direction of its own [K]; the sink has a mean temperature
-    [degC], and a simpler network is elsewhere by an RMS `bias` [K].
+    Args:
+        predicted: What the run predicts of its test.
+        moved: What of it has a direction of its own, for each node [K].
+        sink: Mean temperature of the sink [degC].
+        bias: RMS by which a simpler network is elsewhere [K].
 
     Returns:
         That which there is without a rise [K], and that of a rise over the rise [1].

@@ -38,8 +38,11 @@ HEAT, BLOCKS = "Modelica.Thermal.HeatTransfer", "Modelica.Blocks.Interfaces"
 
 
 def modelica(source: CSource, parameters: Sequence[Entry]) -> bytes:
-    """Return the text of a package: the network, of the numbers of its C and the entries of its
-    parameters, and the same at the ends of the intervals.
+    """Return the text of a package: the network, and the same at the ends of the intervals.
+
+    Args:
+        source: The network as C, of whose numbers the model is made.
+        parameters: From `entries`.
     """
     found, nodes, links = source.found, source.nodes, links_of(source.found)
     sinks = [str(found[each]) for each in ("sink", "second_sink") if each in found]
@@ -128,7 +131,10 @@ def _heats(
 ) -> list[str]:
     """Return the equations of the losses, those of the names that they need first.
 
-    Parameters have names by their member and place in the C, nodes and sinks plain ones.
+    Args:
+        source: The network as C.
+        by_place: Name of each parameter by its member and place there.
+        plain: Name of each node and sink.
     """
     found, nodes = source.found, source.nodes
     is_balance = found["losses"] == "balance"

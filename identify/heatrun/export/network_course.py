@@ -46,7 +46,12 @@ class Grid:
 
     @classmethod
     def of(cls, time: np.ndarray, longest: float) -> Grid:
-        """Return the grid of samples [s], shape (sample,), with no step longer than this [s]."""
+        """Return the grid of a record.
+
+        Args:
+            time: Time of the samples [s], shape (sample,).
+            longest: No step is longer than this [s].
+        """
         interval = np.diff(time)
         parts = np.ceil(interval / longest).astype(int)
         step = np.repeat(interval / parts, parts)
@@ -95,7 +100,9 @@ def simulate_variables(
 ) -> NetworkCourse:
     """Simulate the variables of `prova.mat` at the samples of the record, as `simulate_network`.
 
-    Without `Ceqsr` it is the first order; the corrections tell the errors of its sensor.
+    Args:
+        variables: As `thesis_variables`; without `Ceqsr` it is the first order.
+        corrections: Errors of the sensor, for which the file has no variables; None for none.
 
     Valid for: `Pd` the measured total of the losses.
     """
@@ -126,10 +133,13 @@ def simulate_variables(
 
 
 def simulate_network(content: bytes) -> NetworkCourse:
-    """Simulate the bytes of `network.mat` at the samples of the record.
+    """Simulate the variables of `network.mat` at the samples of the record.
 
-    The squared current and all other inputs run straight from sample to sample; an interval that is
-    long for the network or the sensor is split.
+    The squared current and all other inputs run straight from sample to sample; an interval that
+    is long for the network or the sensor is split.
+
+    Args:
+        content: The bytes of the file.
     """
     return _simulated(read_network(content))
 
@@ -155,15 +165,23 @@ def _simulated(found: Mapping[str, Any]) -> NetworkCourse:
 
 
 def read_network(content: bytes) -> dict[str, Any]:
-    """Return the variables of `network.mat`: arrays of shape (n,), numbers, text, dictionaries."""
+    """Return the variables of `network.mat`: arrays of shape (n,), numbers, text, dictionaries.
+
+    Args:
+        content: The bytes of the file.
+    """
     return scipy.io.loadmat(io.BytesIO(content), simplify_cells=True)
 
 
 def simulate_held(
     found: Mapping[str, Any], held: Mapping[str, np.ndarray], step: float
 ) -> dict[str, np.ndarray]:
-    """Simulate equal steps [s] over each of which the inputs are held: by the names of
-    `network.mat`, shape (step,).
+    """Simulate equal steps over each of which the inputs are held.
+
+    Args:
+        found: From `read_network`.
+        held: By the names of `network.mat` what drives the machine, shape (step,).
+        step: Length of the steps [s].
 
     Returns:
         Temperature by node at the edges of the steps [degC], shape (step + 1,).
@@ -182,6 +200,9 @@ def simulate_held(
 def without_errors_of_bench(found: Mapping[str, Any]) -> np.ndarray:
     """Return the readings of the record without what the bench's sensor adds, which that of a drive
     does not [degC], shape (time,).
+
+    Args:
+        found: From `read_network`.
     """
     time, measured = np.atleast_1d(found["t"]) - found["t"][0], np.atleast_1d(found["Tw_m"])
     effects = map(_effect, np.atleast_1d(found["effects"]))
@@ -218,6 +239,9 @@ def with_bodies(found: Mapping[str, Any]) -> dict[str, Any]:
     An effect that does nothing else is not among the effects any more, nor is a `winding_node`
     whose resistance is that of a machine; one that also moves heat names the node that it has
     `added`.
+
+    Args:
+        found: As `simulate_network`.
     """
     network, start = _network(found)
     nodes = list(start)

@@ -76,6 +76,10 @@ def known_laws() -> frozenset[str]:
 def refuse_unknown(ids: tuple[str, ...], where: str) -> None:
     """Refuse effects whose laws the script does not hold.
 
+    Args:
+        ids: Ids of the effects of a model.
+        where: The run, for the message.
+
     Raises:
         InputError: With their names.
     """

@@ -207,8 +207,13 @@ def _cell(rating: DerivedFigure) -> str:
 
 
 def figure(found: RatingMap, machine: str, rated_A: float | None, say: Texts) -> bytes:
-    """Return the map as PNG: a line for each duty with its 95 % interval, and the rated current [A]
-    where it is given.
+    """Return the map as PNG: a line for each duty with its 95 % interval.
+
+    Args:
+        found: The map.
+        machine: Name of the machine.
+        rated_A: Rated current [A], drawn where it is given.
+        say: The texts in the language of the figure.
     """
     from matplotlib.figure import Figure
 

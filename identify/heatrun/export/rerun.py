@@ -94,8 +94,14 @@ def read_run_test(run: Path, *, test: str | None = None, network: str | None = N
 def of_record(
     run: Run, record: Record, motor: Motor, network: str | None, *, is_held_out: bool
 ) -> RunAndTest:
-    """Return a record, a test of the run under its name there or any other, with the values that
-    the run has for it; the last network of the run if none is named.
+    """Return a record with the values that a run has for it.
+
+    Args:
+        run: The run.
+        record: One of its tests under its name there, or any other.
+        motor: How the bench of the record measures.
+        network: Name of the network; None for the last one of the run.
+        is_held_out: Whether the run was not fitted to it.
 
     Raises:
         InputError: If the run cannot predict it.
@@ -124,11 +130,15 @@ def of_no_test(found: RunAndTest) -> RunAndTest:
 def as_replica(
     found: RunAndTest, network: str | None = None, kept: Collection[str] = ()
 ) -> tuple[RunAndTest, float]:
-    """Return a test of a run with the network nearest to the run's model, its last one if none is
-    named, that has of its effects those that a tool takes alone.
+    """Return a test of a run with the network of fewer effects nearest to the run's model.
 
     As `heatrun.runs.replica` has it: instruments are exact but for what the test's own inputs tell,
     starts are the model's.
+
+    Args:
+        found: From `read_run_test` or `of_record`.
+        network: Name of the network; None for the last one of the run.
+        kept: Ids of effects that a tool takes.
 
     Returns:
         The test, and how far the network is from the model, RMS over the fitted tests [K].
@@ -176,8 +186,11 @@ def as_replica(
 
 
 def effects_of(run: Path, network: str | None = None) -> tuple[str, ...]:
-    """Return the ids of the effects of a run's model, of its last network if none is named, whether
-    they are still known or not.
+    """Return the ids of the effects of a run's model, whether they are still known or not.
+
+    Args:
+        run: The run folder.
+        network: Name of the network; None for the last one of the run.
 
     Raises:
         InputError: If the folder is no run, or lacks the network.

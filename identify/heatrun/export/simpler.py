@@ -82,7 +82,11 @@ class TestedRun:
 
     @classmethod
     def read(cls, path: Path, network: str | None = None) -> TestedRun:
-        """Read the tests of a run again; with its last network if none is named.
+        """Read the tests of a run again.
+
+        Args:
+            path: The run folder.
+            network: Name of the network; None for the last one of the run.
 
         Raises:
             InputError: If the folder is no run, lacks the network, a file of a test is missing or
@@ -138,12 +142,15 @@ class TestedRun:
         return self.ohm * (B + degC) / (B + motor.reference_temperature_degC)
 
     def simpler(self, network: str, *, is_fed: bool, cold: float) -> Simpler:
-        """Return the network, `"first"` or `"second"`, that comes nearest to the model at the loads
-        of all tests.
+        """Return the network that comes nearest to the model at the loads of all tests.
 
-        It follows the model, not the readings: a held-out test is one load more. A resistance that
-        is fed rises with the temperature, else it stays at that of the loaded winding; `cold` is as
-        `heatrun.runs.replica.nearest` has it.
+        It follows the model, not the readings: a held-out test is one load more.
+
+        Args:
+            network: `"first"` or `"second"`.
+            is_fed: Whether the resistance rises with the temperature; else it stays at that of the
+                loaded winding.
+            cold: As `heatrun.runs.replica.nearest`.
         """
         motor, seen = self.run.motor, self.seen
         degC = motor.reference_temperature_degC if is_fed else seen.loaded_winding_degC

@@ -170,7 +170,10 @@ def calibrated(
     """Return what drove the machine in the tests that a run was calibrated on, how it began, and
     what it was read to be, by test; and which of them can no longer be read, in words.
 
-    One of them is `found`, which is read already.
+    Args:
+        run: The run folder.
+        network: Name of the network; None for the last one.
+        found: One of its tests.
     """
     tests, unread = {}, []
     for test in open_run(run).tests:
@@ -209,8 +212,13 @@ def _variables(found: RunAndTest) -> tuple[dict[str, Any], tuple[str, ...]]:
 
 
 def ends(run: Run, network: str | None, found: RunAndTest, source: CSource) -> list[CSource]:
-    """Return the C with all parameters at the lower, and at the upper ends of their intervals; the
-    source was made of `found`.
+    """Return the C with all parameters at the lower, and at the upper ends of their intervals.
+
+    Args:
+        run: The run.
+        network: Name of the network; None for the last one.
+        found: What `source` was made of.
+        source: The network as C.
     """
     fitted = run.result.models[run.choose(network)]
     stated = {**fitted.parameters, **fitted.nuisances}
@@ -244,7 +252,10 @@ class NoCompilerError(Exception):
 
 @contextmanager
 def built(files: Mapping[str, bytes]) -> Iterator[tuple[Path, Mapping[str, Any]]]:
-    """Yield the folder of a built harness, and how programs are run in it; files are by name.
+    """Yield the folder of a built harness, and how programs are run in it.
+
+    Args:
+        files: Header, source, harness and what it reads, by name.
 
     Raises:
         NoCompilerError: If it cannot be built here, or ends with an error.
@@ -263,8 +274,10 @@ def built(files: Mapping[str, bytes]) -> Iterator[tuple[Path, Mapping[str, Any]]
 
 
 def with_outputs(files: Mapping[str, bytes]) -> tuple[bytes, list[str]]:
-    """Return the observer's vectors with what the C makes of them in double, or why it made none;
-    the files are header, source, harness and courses by name.
+    """Return the observer's vectors with what the C makes of them in double, or why it made none.
+
+    Args:
+        files: Header, source, harness and courses by name.
     """
     try:
         with built(files) as (folder, words):
@@ -283,8 +296,11 @@ def _written(folder: Path, words: Mapping[str, Any], name: str) -> bytes:
 def without_false_alarms(
     source: CSource, tests: Mapping[str, Mapping[str, Any]]
 ) -> tuple[CSource, list[str]]:
-    """Return a source whose observer tells no fault in the tests of its run, and what that took;
-    the tests are the variables of `network.mat` by name.
+    """Return a source whose observer tells no fault in the tests of its run, and what that took.
+
+    Args:
+        source: With an observer.
+        tests: Variables of `network.mat` by test that the run was calibrated on.
     """
     courses = [readings(replace(source, of_run={**source.of_run, **own}))
                for own in tests.values()]  # fmt: skip
@@ -314,7 +330,11 @@ def without_false_alarms(
 
 
 def faults(source: CSource, courses: Sequence[bytes]) -> int:
-    """Return how many faults of its sensor the observer tells in courses of `readings` [1].
+    """Return how many faults of its sensor the observer tells in courses [1].
+
+    Args:
+        source: With an observer.
+        courses: From `CSource.readings`.
 
     Raises:
         NoCompilerError: As `built`.

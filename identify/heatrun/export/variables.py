@@ -75,8 +75,12 @@ class Corrections:
     def applied(self, variables: Mapping[str, np.ndarray], shaft: Shaft) -> dict[str, np.ndarray]:
         """Return the variables with current, losses, sink and timing as the run has them.
 
-        `Tw_m` stays the reading: it drives nothing, and an offset would take the rounding away by
-        which its noise is judged.
+        `Tw_m` stays the reading: it drives nothing, and an offset would take the rounding away
+        by which its noise is judged.
+
+        Args:
+            variables: From `thesis_variables`.
+            shaft: Speed and power at the samples.
         """
         sink = variables["Te"] + self.ambient_offset
         current = (1.0 + self.current_gain) * variables["Is"]
@@ -102,7 +106,12 @@ class Corrections:
         return ", ".join(f"{n} = {v:.3g}{units[n]}" for n, v in given.items() if v) or "by nothing"
 
     def later(self, time: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """Return a signal as much later as the load; times [s] and values have shape (time, 1)."""
+        """Return a signal as much later as the load is, shape (time, 1).
+
+        Args:
+            time: Time of the samples [s], shape (time, 1).
+            values: Signal at the samples, shape (time, 1).
+        """
         at = time.ravel()
         return np.interp(at - self.load_timing, at, values.ravel())[:, None]
 
@@ -163,10 +172,15 @@ def thesis_variables(
 
 
 def bridged(record: Record, channel: str, notes: list[str], power: int = 1) -> np.ndarray:
-    """Return a channel without gaps, bridged as the reduction to blocks bridges them, and note it.
+    """Return a channel without gaps, bridged as the reduction to blocks bridges them.
 
-    There the straight line is drawn through a power of the values, the square of the current, since
-    that is what heats.
+    There the straight line is drawn through the square of the current, since that is what heats.
+
+    Args:
+        record: The test.
+        channel: Name of the channel.
+        notes: Gets a sentence where something was bridged.
+        power: Power of the values through which the line is straight [1].
     """
     values = record[channel]
     is_read = np.isfinite(values)

@@ -41,10 +41,14 @@ START_SD_K = 5.0
 
 
 def vectors(source: CSource, test: str) -> bytes:
-    """Return inputs and what `lptn` makes of them in a test, as CSV.
+    """Return inputs and what `lptn` makes of them, as CSV.
 
-    The first row holds the start; every other one the inputs held over a step, those of the record
-    at its middle, and the temperatures at its end.
+    The first row holds the start; every other one the inputs held over a step, those of the
+    record at its middle, and the temperatures at its end.
+
+    Args:
+        source: The network as C.
+        test: Name of the test, for the comment.
 
     Raises:
         InputError: If the test is shorter than a step.
@@ -69,8 +73,12 @@ def vectors(source: CSource, test: str) -> bytes:
 def observer_courses(source: CSource, test: str) -> bytes:
     """Return inputs and readings of `COURSES`, as CSV: the harness writes the outputs.
 
-    The machine is as the model has it, the readings those of its sensor with the white noise of the
-    run, to 0.01 K. The test is no shorter than a step.
+    The machine is as the model has it, the readings those of its sensor with the white noise
+    of the run, to 0.01 K.
+
+    Args:
+        source: The network as C.
+        test: Name of the test, for the comment; it is no shorter than a step.
     """
     held, course = (each[: OBSERVED_STEPS + k] for k, each in enumerate(_driven(source)))
     num = len(held)

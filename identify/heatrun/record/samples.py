@@ -314,7 +314,11 @@ def pickup(record: Record, most_K_per_s: float = 0.0) -> Pickup | None:
     """Return what a reading picks up of the current; None where its samples show nothing.
 
     A body, however fast, moves after the load; this jumps with it. Means over blocks do not tell
-    the two, samples do. A temperature may move by itself as fast as `most_K_per_s`.
+    the two, samples do.
+
+    Args:
+        record: Any record.
+        most_K_per_s: How fast a temperature may move by itself.
     """
     time_s, winding, current = samples(record, "winding_degC", "phase_current_A")
     if time_s.size < 10:

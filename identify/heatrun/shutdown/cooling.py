@@ -104,9 +104,10 @@ RATE, RATE_SD = np.array([0.35, 0.55]), 0.3
 def winding_drops(rise_K: float, tau: np.ndarray, heated: np.ndarray) -> tuple[np.ndarray, ...]:
     """Return mean and standard deviation of the drops of the winding's modes [K], as `tau`.
 
-    Of the first reading the rise [K], of the modes the time constants, the one within the winding
-    first [s], shape (draw, mode), and a standard normal number of how fast the copper was heated,
-    shape (draw, 1).
+    Args:
+        rise_K: Of the first reading.
+        tau: Time constants of the modes, the one within the winding first [s], shape (draw, mode).
+        heated: Standard normal number of how fast the copper was heated, shape (draw, 1).
     """
     num = tau.shape[1]
     heated_K = HEATED_K_PER_S * np.exp(HEATED_LOG_SD * heated) * tau
@@ -260,8 +261,11 @@ class Cooling:
         }
 
     def true(self, read_degC: np.ndarray, errors: Mapping[str, np.ndarray | float]) -> np.ndarray:
-        """Return the temperatures behind readings [degC], as they follow from what is stated, by
-        the errors of the instruments by key; all of one shape.
+        """Return the temperatures behind readings [degC].
+
+        Args:
+            read_degC: As they follow from what is stated.
+            errors: Of the instruments, by key; the shape is that of the readings.
         """
         if self.reference_ohm is None:
             return read_degC - errors.get("offset", 0.0)
@@ -276,11 +280,15 @@ class Cooling:
     def _linear(
         self, z: Draws, time_s: np.ndarray, lag_s: np.ndarray | float = 0.0
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the course without the linear numbers [degC], and what each of these adds [K],
-        shapes (draw, time) and (draw, linear, time).
+        """Return the course without the linear numbers [degC], and what each of these adds [K].
 
-        Times count from the true moment of switch-off [s], shape (time,) or (draw, time); a sensor
-        that was in equilibrium before has a lag [s], shape (draw, 1).
+        Args:
+            z: Nonlinear numbers, at least.
+            time_s: Since the true moment of switch-off [s], shape (time,) or (draw, time).
+            lag_s: Of a sensor that was in equilibrium before [s], shape (draw, 1).
+
+        Returns:
+            Shapes (draw, time) and (draw, linear, time).
         """
         values = self.values(z)
         tau = self.modes.times(z)[:, :, None]
@@ -304,14 +312,23 @@ class Cooling:
         return self.sink_degC + (mean[:, None] @ decay)[:, 0], added
 
     def winding(self, z: Draws, time_s: np.ndarray) -> np.ndarray:
-        """Return the winding's temperature as the readings' instruments show it [degC], shape
-        (draw, time), at times since the true moment of switch-off [s], shape (time,).
+        """Return the winding's temperature as the readings' instruments show it [degC].
+
+        Args:
+            z: All numbers.
+            time_s: Since the true moment of switch-off [s], shape (time,).
+
+        Returns:
+            Shape (draw, time).
         """
         return self._joined(z, *self._linear(z, time_s))
 
     def predicted(self, z: Draws, time_s: np.ndarray | None = None) -> np.ndarray:
-        """Return what would be read, as `reading_degC`, shape (draw, time), at times since the
-        stated moment of switch-off [s]; those of the readings if None.
+        """Return what would be read, as `reading_degC`, shape (draw, time).
+
+        Args:
+            z: All numbers.
+            time_s: Since the stated moment of switch-off [s]; that of the readings if None.
         """
         return self._joined(z, *self._read(z, self.time_s if time_s is None else time_s))
 
@@ -354,7 +371,11 @@ class Cooling:
         return -0.5 * (squares + log_det) - np.sum(np.log(sd), axis=1)
 
     def posterior(self, seed: int) -> Draws:
-        """Return draws of all numbers, given the readings, shape (draw, number)."""
+        """Return draws of all numbers, given the readings, shape (draw, number).
+
+        Args:
+            seed: Random seed.
+        """
         z = sample(self.log_likelihood, self.num_nonlinear, seed)
         _, _, precision, vector = self._given(z)
         random = np.random.default_rng([seed, 2])
@@ -396,8 +417,12 @@ ACCEPTED = 0.25
 
 
 def sample(log_likelihood: Callable[[Draws], np.ndarray], size: int, seed: int) -> Draws:
-    """Return draws of the posterior of so many standard normal numbers; the log likelihood is of
-    draws, shape (draw,).
+    """Return draws of the posterior of standard normal numbers.
+
+    Args:
+        log_likelihood: Of draws, shape (draw,).
+        size: Number of parameters.
+        seed: Random seed.
     """
     random = np.random.default_rng(seed)
     z = random.standard_normal((NUM_DRAWS, size))

@@ -82,10 +82,13 @@ class RunModes(AbstractModes):
 def modes_of_run(
     folder: Path, readings: Readings, network: str | None = None, *, is_turning: bool = False
 ) -> RunModes:
-    """Return the modes of a run's network, its last one if none is named, as a prior.
+    """Return the modes of a run's network as a prior.
 
-    The network is taken at the temperatures of the readings, and at rated speed where the machine
-    turns on after switch-off.
+    Args:
+        folder: Run folder.
+        readings: At whose temperatures the network is taken.
+        network: Its name; the last one if None.
+        is_turning: Whether the machine turns on at rated speed after switch-off.
 
     Raises:
         InputError: If the run cannot be read, or its network does not cool.

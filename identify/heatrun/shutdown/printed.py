@@ -22,7 +22,12 @@ COLOURS = ("#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 
 
 def text(result: ShutdownResult, *, verbose: bool = False) -> str:
-    """Return a result in a dozen lines; if verbose with its budget and how the file was read."""
+    """Return a result in a dozen lines.
+
+    Args:
+        result: The result.
+        verbose: Whether the budget and how the file was read follow.
+    """
     lines = [*answer_lines(result), "", "By hand from the same readings", *_by_hand(result)]
     if verbose:
         lines += ["", "Uncertainty budget (GUM)", *_budget(result)]
@@ -31,8 +36,11 @@ def text(result: ShutdownResult, *, verbose: bool = False) -> str:
 
 
 def answer_lines(result: ShutdownResult, say: Texts | None = None) -> list[str]:
-    """Return the answer, what is left to the limits, what it comes from, doubts about that; in
-    English if no language is given.
+    """Return the answer, what is left to the limits, what it comes from, doubts about that.
+
+    Args:
+        result: The result.
+        say: The texts in the language of the page; None for English.
     """
     say = say or Texts()
     low, high = result.winding_95_degC

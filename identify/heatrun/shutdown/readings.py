@@ -82,8 +82,11 @@ def without_outliers(readings: Readings, lag_s: float) -> Readings:
     """Leave readings out that lie off the course of the others, and name them.
 
     The course is any sum of exponentials that all decay, fitted to the sum of absolute differences:
-    a winding that cools has no other, and few wrong readings do not move it. That of a sensor with
-    a lag [s] begins flat.
+    a winding that cools has no other, and few wrong readings do not move it.
+
+    Args:
+        readings: As read.
+        lag_s: Of a sensor [s], whose course begins flat; 0 for none.
     """
     time_s, T = readings.time_s, readings.degC
     columns = [np.exp(-time_s / tau) for tau in OF_COURSE_S] + [np.ones(T.size)]

@@ -332,8 +332,13 @@ def allowed_delay_s(rated_output_kW: float | None) -> float | None:
 def by_hand(
     time_s: np.ndarray, degC: np.ndarray, sink_degC: float, delay_s: float | None = None
 ) -> list[ByHand]:
-    """Return what each method gives of readings since switch-off [s], as temperatures [degC], shape
-    (time,) both, and a delay that the standard allows [s], if any.
+    """Return what each method gives.
+
+    Args:
+        time_s: Since switch-off [s], shape (time,).
+        degC: Readings as temperatures, shape (time,).
+        sink_degC: Temperature of the sink.
+        delay_s: Delay that the standard allows [s], or None.
     """
     near = time_s <= time_s[0] + FIRST_S
     if np.sum(near) < 4:

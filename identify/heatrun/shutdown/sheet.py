@@ -64,7 +64,13 @@ BUDGET = (
 def content(
     result: ShutdownResult, stated: Certificate | None = None, say: Texts | None = None
 ) -> dict[str, Any]:
-    """Return the words of the sheet with what the laboratory states, in English by default."""
+    """Return the words of the sheet.
+
+    Args:
+        result: The result.
+        stated: What the laboratory states.
+        say: The texts in the language of the sheet; None for English.
+    """
     say = say or Texts()
 
     def again(rows: Sequence[str]) -> list[str]:
@@ -116,7 +122,14 @@ def pdf(
     stated: Certificate | None = None,
     say: Texts | None = None,
 ) -> bytes:
-    """Return the sheet with its figure as PDF; as `content`."""
+    """Return the sheet as PDF.
+
+    Args:
+        result: The result.
+        drawn: Its figure.
+        stated: As `content`.
+        say: As `content`.
+    """
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "figure.png"
         path.write_bytes(drawn)
@@ -126,7 +139,12 @@ def pdf(
 
 
 def xlsx(result: ShutdownResult, say: Texts | None = None) -> bytes:
-    """Return the workbook: the answer, the budget in live formulas, the readings with a chart."""
+    """Return the workbook: the answer, the budget in live formulas, the readings with a chart.
+
+    Args:
+        result: The result.
+        say: As `content`.
+    """
     say = say or Texts()
     stream = io.BytesIO()
     with xlsxwriter.Workbook(stream, AS_TEXT) as book:
