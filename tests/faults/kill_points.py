@@ -1,11 +1,10 @@
 """A small run that is killed before each of its file operations in turn, in processes of its own.
 
-`sys.addaudithook` reports every opening, renaming, making and removing of a file before it
-happens; the n-th is where SIGKILL comes. Nothing here loads JAX, so forking is safe, and each
+`started.Hook` hears of every opening, renaming, making and removing of a file before it happens;
+the n-th is where SIGKILL comes. Nothing here loads JAX, so forking is safe, and each
 kill costs milliseconds.
 """
 
-import hashlib
 import json
 import os
 import shutil
@@ -17,29 +16,14 @@ from pathlib import Path
 
 import emcee
 import numpy as np
+from started import Hook, Strike
+from wholeness import differs_from_manifest, files_of
 
 from heatrun.posterior.ensemble import Checkpoint
 from heatrun.runs.run_folder import MANIFEST, RunFolder
 
-EVENTS = ("open", "os.rename", "os.remove", "os.rmdir", "os.mkdir", "shutil.rmtree")
 NUM_CHUNKS = 3
 IDENTITY = {"motor": "m", "seed": 1}
-
-
-class Countdown:
-    """Kills the process at the n-th file operation below a folder."""
-
-    def __init__(self, folder: Path, last: int) -> None:
-        self.folder, self.last, self.count = str(folder), last, 0
-
-    def __call__(self, event: str, arguments: tuple) -> None:
-        if event not in EVENTS or not str(arguments[0]).startswith(self.folder):
-            return
-        if event == "open" and not isinstance(arguments[1], str) and not arguments[2] & os.O_CREAT:
-            return  # reading changes nothing
-        self.count += 1
-        if self.count == self.last:
-            os.kill(os.getpid(), signal.SIGKILL)
 
 
 def small_run(path: Path, text: str) -> list[int]:
@@ -91,7 +75,8 @@ def tell(
             begin(home, earlier)
 
             def killed(home=home, last=number):
-                sys.addaudithook(Countdown(home, last))
+                strike = Strike(signal.SIGKILL, "operation", operation=last)
+                sys.addaudithook(Hook(home, os.open(os.devnull, os.O_WRONLY), strike, 0))
                 work(home)
 
             status = in_child(killed)
@@ -107,19 +92,11 @@ def state_of(path: Path) -> str:
     """Return whose whole run lies at a place, `"nothing"`, or `"torn"`."""
     if not path.exists():
         return "nothing"
-    try:
-        manifest = json.loads((path / MANIFEST).read_text())
-        for name, digest in manifest["files"].items():
-            if hashlib.sha256((path / name).read_bytes()).hexdigest() != digest:
-                return "torn"
-        present = {
-            str(p.relative_to(path))
-            for p in path.rglob("*")
-            if p.is_file() and p.name not in (MANIFEST, "identity") and "checkpoints" not in p.parts
-        }
-    except (OSError, ValueError, KeyError):
+    if differs_from_manifest(path):
         return "torn"
-    return manifest["text"] if present == set(manifest["files"]) else "torn"
+    manifest = json.loads((path / MANIFEST).read_text())
+    is_whole = files_of(path).keys() - {MANIFEST} == manifest["files"].keys()
+    return manifest["text"] if is_whole else "torn"
 
 
 def begin(home: Path, earlier: str | None) -> None:

@@ -131,9 +131,7 @@ class Session:
 
 def disturb_page(bench: Bench, case: Case, draw: random.Random) -> list[Row]:
     """Strike the job of a page and its server, go on each time, and compare in the end."""
-    if not bench.has(f"{case.name} page"):
-        bench.remember(f"{case.name} page", _learn(bench, case))
-    known = bench.recall(f"{case.name} page")
+    known = bench.known(case, _learn)
     bench.fresh()
     bench.clear_temporary()
     rows: list[Row] = []

@@ -10,9 +10,10 @@ from pathlib import Path
 import fmpy
 import numpy as np
 
-from heatrun.export.c_file import INPUTS
 from heatrun.export.fmu import NAME, compiled, fmu_files
+from heatrun.export.laws import INPUTS
 from heatrun.export.modelica import modelica
+from heatrun.export.vectors import vectors
 
 has_modelica = importlib.util.find_spec("rumoca") is not None
 
@@ -23,7 +24,7 @@ LIBRARY = os.environ.get("MODELICAPATH") or str(Path(__file__).with_name("modeli
 @cache
 def vectors_text(made):
     """Return the vectors of a source, made once."""
-    return made.vectors("duty")
+    return vectors(made, "duty")
 
 
 def vectors_of(made):

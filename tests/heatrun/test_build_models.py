@@ -79,7 +79,7 @@ def test_the_diagram_integrates_to_what_simulate_says(order, models, record, mot
     variables, _ = thesis_variables(record, VALUES[order], motor, order)
     time, found = simulink_models.integrate(models[MODEL[order]], variables, step=0.5)
     # lptn's own course of the same variables, at every sample; both draw straight lines between
-    np.testing.assert_allclose(found["Tw_sim"], simulate_variables(variables).winding, atol=2e-3)
+    np.testing.assert_allclose(found["Tw_sim"], simulate_variables(variables).sensed, atol=2e-3)
     virtual = simulate_values(motor, VALUES[order], record, order)
     columns = {"Tw_sim": "winding_degC", "Ts_sim": "stator_degC"}
     if order == "first":
@@ -103,7 +103,7 @@ def test_a_wrong_sign_would_be_seen(models, record, motor):
     wrong = Diagram(blocks, models[SECOND].lines, models[SECOND].settings)
     variables, _ = thesis_variables(record, VALUES["second"], motor, "second")
     _, found = simulink_models.integrate(wrong, variables, step=0.5)
-    assert np.max(np.abs(found["Tw_sim"] - simulate_variables(variables).winding)) > 1.0
+    assert np.max(np.abs(found["Tw_sim"] - simulate_variables(variables).sensed)) > 1.0
 
 
 STUB = """function varargout = {name}(varargin)

@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from faults_of_records import FAULTS, VARIANTS
+from faults_of_records import FAULTS, VARIANTS, Variant
 from heat_runs import CLEAN, MOTOR, SMOOTH, checked, edited, heat_run
 
 from heatrun.checks import CHECKS, check_record
@@ -18,14 +18,13 @@ from heatrun.record.motor import Motor
 from heatrun.record.record import ColumnReading, Record
 
 LINE = re.compile(r"(\[tests\.[^\]]+\]) ((?:use|use_rows|mask) = \[\[.*?\]\])")
-CASES = {id: (id, *case[:3]) for id, case in FAULTS.items()} | VARIANTS
+CASES = VARIANTS | {id: Variant(id, f.record, f.severity, f.motor) for id, f in FAULTS.items()}
 
 
 @cache
 def told(name):
     """Return what is told of a case under its id; the record is called run."""
-    id, record, motor, _ = CASES[name]
-    return checked(record, motor, id)
+    return checked(CASES[name].record, CASES[name].motor, CASES[name].id)
 
 
 def test_a_winding_that_is_clipped_is_told_once():
@@ -72,7 +71,7 @@ def test_every_check_has_its_fault():
 
 @pytest.mark.parametrize("id", FAULTS)
 def test_each_check_finds_its_own_fault(id):
-    _, _, severity, key, (low, high) = FAULTS[id]
+    _, severity, key, (low, high), _ = FAULTS[id]
     found = told(id)
     assert [f.severity for f in found if f.severity == severity], found
     finding = next(f for f in found if f.severity == severity)
@@ -87,7 +86,7 @@ def test_each_check_finds_its_own_fault(id):
 
 @pytest.mark.parametrize("name", VARIANTS)
 def test_the_same_fault_in_another_form(name):
-    severity = VARIANTS[name][3]
+    severity = VARIANTS[name].severity
     assert {f.severity for f in told(name)} == ({severity} if severity else set())
 
 
@@ -100,7 +99,7 @@ def advised(name):
 
 
 def test_the_checks_that_can_advise_a_line_do():
-    assert {CASES[name][0] for name in CASES if any(advised(name))} >= {
+    assert {CASES[name].id for name in CASES if any(advised(name))} >= {
         "nan_block", "time_gap", "time_backwards",
         "sensor_stuck", "sensor_detached", "temperature_jump",
     }  # fmt: skip
@@ -108,7 +107,7 @@ def test_the_checks_that_can_advise_a_line_do():
 
 @pytest.mark.parametrize("name", CASES)
 def test_the_advised_line_does_away_with_the_finding(name):
-    _, record, motor, _ = CASES[name]
+    _, record, _, motor = CASES[name]
     for finding, section, line in advised(name):
         text = f'[motor]\nname = "M"\n{section}\n{line}\n'
         said = replace(motor, tests=parse_motor(text.encode(), "motor.toml").tests)

@@ -31,12 +31,12 @@ from simulators import fmu_error, has_modelica, modelica_error, vectors_of, vect
 from heatrun import cli
 from heatrun.errors import InputError
 from heatrun.export import export_source
-from heatrun.export.c_file import LAWS, in_comment
 from heatrun.export.fmu import fmu_files
+from heatrun.export.laws import LAWS, entries, in_comment
 from heatrun.export.missed import of_losses
-from heatrun.export.parameters import entries
 from heatrun.export.rerun import of_no_test, read_run_test
 from heatrun.export.variables import Corrections
+from heatrun.export.vectors import observer_courses
 from heatrun.model.catalogue import effects_named
 from heatrun.model.model import Model
 from heatrun.model.network_text import read_network as network_of_text
@@ -304,7 +304,7 @@ sensors = { winding_degC = "winding" }
     made = source(network)
     names = ("winding_degC", "Yoke_degC", "yoke_degC")
     assert vectors_of(made).dtype.names[-3:] == names
-    assert b",Yoke_degC,Yoke_sd_K,yoke_degC," in made.observer_courses("duty")
+    assert b",Yoke_degC,Yoke_sd_K,yoke_degC," in observer_courses(made, "duty")
     description = fmu_files(made, [])["modelDescription.xml"].decode()
     assert all(f'name="{name}"' in description for name in names)
 

@@ -210,7 +210,8 @@ def test_missing_readings_stay_missing_and_are_said():
     variables, notes = thesis_variables(gappy, OF_THE_THESIS, REFERENCE, "second")
     assert np.flatnonzero(np.isnan(variables["Tw_m"])).tolist() == [3, 4, 5, 6]
     assert notes == ("Tw_m is NaN at 4 samples without a reading.",)
-    assert np.isfinite(simulate_variables(variables).rmse(variables["Tw_m"]))
+    course = simulate_variables(variables)
+    assert np.isfinite(course.rmse(course.sensed))
 
 
 def test_a_coolant_that_is_the_sink_stands_in_te():
@@ -239,7 +240,7 @@ def test_an_unknown_resistance_is_left_out_of_the_first_order():
     variables, notes = thesis_variables(record(), values, unknown, "first")
     assert "Rrif" not in variables
     assert "Rrif is left out" in notes[0]
-    assert np.all(np.isfinite(simulate_variables(variables).winding))
+    assert np.all(np.isfinite(simulate_variables(variables).sensed))
 
 
 def test_corrections_of_losses_and_sink():
@@ -273,4 +274,4 @@ def test_a_coarse_and_uneven_record_is_simulated_on_finer_steps():
     )
     at = time.astype(int)
     # both take means over steps of 1 s of losses that change by 0.75 W/s at most
-    assert course.winding == pytest.approx(np.asarray(exact.temperature["winding"])[at], abs=1e-3)
+    assert course.sensed == pytest.approx(np.asarray(exact.temperature["winding"])[at], abs=1e-3)

@@ -33,10 +33,11 @@ from scipy.stats import norm
 from simulators import vectors_text
 
 from heatrun.export import export_source, mat_bytes, simulate_network
-from heatrun.export.c_file import links_of
+from heatrun.export.laws import links_of
 from heatrun.export.missed import least_told
 from heatrun.export.rerun import read_run_test
 from heatrun.export.sources import faults, with_outputs, without_false_alarms
+from heatrun.export.vectors import observer_courses, readings
 from heatrun.record.record import Record
 from heatrun.runs.run import open_run
 
@@ -53,7 +54,7 @@ def observer_vectors(tmp_path_factory):
     made = replace(source(), aside=source(**aside).of_run, missed=replace(
         MISSED, sensor_K=0.4, sink_K=0.5, share=0.01, losses=0.02, answer=0.05))  # fmt: skip
     folder = tmp_path_factory.mktemp("observer_vectors")
-    courses = made.observer_courses("duty")
+    courses = observer_courses(made, "duty")
     text, notes = with_outputs({**made.texts(), "observer_vectors.csv": courses})
     assert not notes
     (folder / "observer_vectors.csv").write_bytes(text)
@@ -159,7 +160,7 @@ def test_the_harness_replays_both_and_names_the_line_that_differs_first(observer
 
 def test_without_a_compiler_the_vectors_hold_the_courses_and_a_note(monkeypatch):
     made = source()
-    courses = made.observer_courses("duty")
+    courses = observer_courses(made, "duty")
     texts = {**made.texts(), "observer_vectors.csv": courses}
     monkeypatch.setenv("PATH", "")
     text, notes = with_outputs(texts)
@@ -187,14 +188,14 @@ def test_an_observer_that_takes_a_missing_part_for_a_fault_is_given_more():
     made = source()
     sound, late = read_late(made, 0.0), read_late(made, 2.0)
     assert without_false_alarms(made, {"sound": sound}) == (made, [])
-    told = faults(made, [replace(made, of_run={**made.of_run, **late}).readings()])
+    told = faults(made, [readings(replace(made, of_run={**made.of_run, **late}))])
     assert told > 0
     widened, (note,) = without_false_alarms(made, {"late": late, "sound": sound})
     assert f"told {told} faults" in note
     assert widened.missed.misfit_K > made.missed.misfit_K
-    assert faults(widened, [replace(widened, of_run={**made.of_run, **late}).readings()]) == 0
+    assert faults(widened, [readings(replace(widened, of_run={**made.of_run, **late}))]) == 0
     stuck = {**sound, "Tw_m": np.full_like(sound["Tw_m"], sound["Tw_m"][900])}
-    assert faults(widened, [replace(widened, of_run={**made.of_run, **stuck}).readings()]) > 0
+    assert faults(widened, [readings(replace(widened, of_run={**made.of_run, **stuck}))]) > 0
 
 
 def test_what_the_bench_alone_picks_up_is_no_fault_of_the_drives_sensor():
@@ -203,7 +204,7 @@ def test_what_the_bench_alone_picks_up_is_no_fault_of_the_drives_sensor():
     added = 6.0 * (sound["Is"] / 100.0) ** 0.8
     T0, T = sound["Te"], sound["Tw_m"]
     read = sound | {"Tw_m": added + T0 + 1.01 * (T - T0)}
-    assert faults(plain, [replace(plain, of_run={**plain.of_run, **read}).readings()]) > 0
+    assert faults(plain, [readings(replace(plain, of_run={**plain.of_run, **read}))]) > 0
     picked = source("second", ("sensor_gain", "sensor_pickup"), **{
         "sensor_gain.g": 0.01, "sensor_pickup.p": 6.0, "sensor_pickup.n": 0.8})  # fmt: skip
     assert without_false_alarms(picked, {"read": read}) == (picked, [])
@@ -407,7 +408,7 @@ def test_a_lag_is_told_of_a_slow_winding_too():
     slow = source("second", Ceq_w=2e4, Req_w=0.2)
     more = {"sensor_K": 0.5, "sink_K": 0.5, "share": 0.02, "answer": 0.04}
     made = replace(slow, missed=replace(MISSED, slow_K=0.1, white_K=0.01, **more))
-    read = {lag_s: replace(made, of_run={**made.of_run, **read_late(made, lag_s)}).readings()
+    read = {lag_s: readings(replace(made, of_run={**made.of_run, **read_late(made, lag_s)}))
             for lag_s in (0.0, 60.0)}  # fmt: skip
     assert faults(made, [read[0.0]]) == 0
     assert faults(made, [read[60.0]]) > 0

@@ -84,11 +84,10 @@ def test_the_file_says_what_the_run_said(day):
     variables, _ = thesis_variables(test.record, test.values, test.motor, test.model.name)
     corrections = Corrections.of(test.values)
     variables = corrections.applied(variables, Shaft())
-    course = simulate_variables(variables)
-    reading = corrections.reading(course.winding, variables["Te"].ravel())
+    course = simulate_variables(variables, corrections)
     of_run = pd.read_csv("run/course_1.csv")["second_winding_degC"].to_numpy()
     block = np.maximum(np.ceil(course.time / 20.0 - 1e-9).astype(int) - 1, 0)  # blocks of 20 s
-    means = np.bincount(block, reading) / np.bincount(block)
+    means = np.bincount(block, course.reading) / np.bincount(block)
     # 0.05 K is the limit of what steps of 2 s may change; as much again for the median of the
     # courses of all draws against the course of the medians
     assert means == pytest.approx(of_run, abs=0.1)
@@ -206,7 +205,7 @@ def test_a_new_test_is_exported_with_the_run_s_own_motor_file(day, bench, genera
     values = found.middle  # of the network alone, as they are stated
     assert variables["Ceqw"].item() == pytest.approx(values["Ceq_w"], rel=1e-12)
     assert variables["Two"].item() == pytest.approx(values["Tw_start"], rel=1e-12)
-    course = simulate_variables(variables).winding
+    course = simulate_variables(variables).sensed
     length = variables["t"][-1, 0] / found.nodes["winding"].size
     block = np.maximum(np.ceil(variables["t"].ravel() / length - 1e-9).astype(int) - 1, 0)
     means = np.bincount(block, course) / np.bincount(block)

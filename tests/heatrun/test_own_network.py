@@ -11,7 +11,8 @@ import pandas as pd
 import pytest
 import two_sinks
 from recovered import holds, log_sd
-from turning import NETWORK, RS0, T0, TRUTH, amperes, copper, course, friction, iron, record, rpm
+from turning import NETWORK, T0, TRUTH, course, friction, iron, record, rpm
+from two_sinks import RS0, amperes, copper
 
 import heatrun
 from heatrun import cli

@@ -1,7 +1,7 @@
 """A motor of three bodies whose friction heats the rotor, integrated by SciPy."""
 
 import numpy as np
-from scipy.integrate import solve_ivp
+from two_sinks import amperes, copper, integrated, read
 
 from heatrun.record.record import Record
 
@@ -10,7 +10,6 @@ TRUTH = {
     "Req_stator_rotor": 0.25, "Req_stator_ambient": 0.06,
     "P_mechanical_n": 30.0, "P_mechanical_n2": 12.0,
 }  # fmt: skip
-RS0 = 0.0062
 NETWORK = """
 [network]
 name = "turning"
@@ -21,10 +20,6 @@ by_speed = ["mechanical"]
 sensors = { winding_degC = "winding", stator_degC = "stator", rotor_degC = "rotor" }
 """
 T0 = 22.0
-
-
-def amperes(t):
-    return np.where(np.asarray(t) % 1500.0 < 900.0, 190.0, 60.0)
 
 
 def rpm(t):
@@ -43,10 +38,6 @@ def friction(t):
     return TRUTH["P_mechanical_n"] * s + TRUTH["P_mechanical_n2"] * s**2
 
 
-def copper(t, winding):
-    return 3.0 * amperes(t) ** 2 * RS0 * (234.5 + winding) / 259.5
-
-
 def course(time):
     """Temperatures of winding, stator and rotor [degC]."""
     p = TRUTH
@@ -62,10 +53,7 @@ def course(time):
             (friction(t) + on) / p["Ceq_rotor"],
         ]
 
-    found = solve_ivp(
-        slope, (0.0, time[-1]), [T0, T0, T0], t_eval=time, max_step=1.0, rtol=1e-8, atol=1e-8
-    )
-    return found.y
+    return integrated(slope, [T0, T0, T0], time, max_step=1.0)
 
 
 def record(seed=17, *, kind="balance"):
@@ -76,9 +64,6 @@ def record(seed=17, *, kind="balance"):
     time = np.arange(0.0, 6000.0, 1.0)
     winding, stator, rotor = course(time)
     rng = np.random.default_rng(seed)
-
-    def read(course):
-        return np.round(course + 0.1 * rng.standard_normal(time.size), 1)
 
     # the sample at the end of a second holds what the second held
     held = np.maximum(time - 0.5, 0.0)
@@ -93,8 +78,8 @@ def record(seed=17, *, kind="balance"):
             "losses_W": losses,
             "ambient_degC": np.full(time.size, T0),
             "speed_rpm": rpm(held),
-            "winding_degC": read(winding),
-            "stator_degC": read(stator),
-            "rotor_degC": read(rotor),
+            "winding_degC": read(winding, rng),
+            "stator_degC": read(stator, rng),
+            "rotor_degC": read(rotor, rng),
         },
     )

@@ -31,6 +31,18 @@ def copper(t, winding):
     return 3.0 * amperes(t) ** 2 * RS0 * (234.5 + winding) / 259.5
 
 
+def integrated(slope, start, time, *, max_step):
+    found = solve_ivp(
+        slope, (0.0, time[-1]), start, t_eval=time, max_step=max_step, rtol=1e-8, atol=1e-8
+    )
+    return found.y
+
+
+def read(course, rng):
+    """Readings of a course with 0.1 K of noise, rounded to 0.1 K."""
+    return np.round(course + 0.1 * rng.standard_normal(course.size), 1)
+
+
 def course(time):
     """Temperatures of winding and stator [degC]."""
     p = TRUTH
@@ -40,10 +52,7 @@ def course(time):
         out = (T[1] - coolant(t)) / p["Req_coolant"] + (T[1] - air(t)) / p["Req_ambient"]
         return [(copper(t, T[0]) - flow) / p["Ceq_w"], (iron(t) + flow - out) / p["Ceq_sr"]]
 
-    found = solve_ivp(
-        slope, (0.0, time[-1]), [36.0, 36.0], t_eval=time, max_step=2.0, rtol=1e-8, atol=1e-8
-    )
-    return found.y
+    return integrated(slope, [36.0, 36.0], time, max_step=2.0)
 
 
 def record(seed=11, *, end_s=5400.0):
@@ -51,9 +60,6 @@ def record(seed=11, *, end_s=5400.0):
     time = np.arange(0.0, end_s, 2.0)
     winding, stator = course(time)
     rng = np.random.default_rng(seed)
-
-    def read(course):
-        return np.round(course + 0.1 * rng.standard_normal(time.size), 1)
 
     return Record(
         "duty",
@@ -63,7 +69,7 @@ def record(seed=11, *, end_s=5400.0):
             "losses_W": copper(time, winding) + iron(time),
             "ambient_degC": air(time),
             "coolant_degC": coolant(time),
-            "winding_degC": read(winding),
-            "stator_degC": read(stator),
+            "winding_degC": read(winding, rng),
+            "stator_degC": read(stator, rng),
         },
     )

@@ -8,7 +8,7 @@ brings about is then not told beside it, and what is not its doing is. Nothing t
 changed: the record stays as it was read.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,7 +30,7 @@ from .course import (
     truncation,
 )
 from .excitation import single_step, too_short
-from .frozen import Looked, saturation, sensor_stuck
+from .frozen import Looked, frozen_stretches, saturation, sensor_stuck
 from .heat import load_of_another, losses_absent, losses_absurd, losses_of_dc_link
 from .load_held import load_stuck
 from .load_moments import load_late
@@ -38,13 +38,7 @@ from .load_spike import load_spike, spike_windows
 from .losses import current_amplitude, losses_below_copper, losses_negative, losses_of_shaft
 from .presence import missing_channel, nan_block, too_few_samples
 from .same_quantity import columns_disagree
-from .sensor import (
-    loses_contact,
-    open_spans,
-    sensor_detached,
-    sensor_pickup,
-    temperature_jump,
-)
+from .sensor import loses_contact, open_spans, sensor_detached, sensor_pickup, temperature_jump
 from .standstill import current_scale_unchecked, resistance_coefficient, standstill_losses
 from .suitability import simulated_by_heatrun
 from .time_axis import (
@@ -56,6 +50,7 @@ from .time_axis import (
     time_gap,
     time_jitter,
 )
+from .unexplained import unexplained_movement
 from .units import ambient_implausible, unit_assumed, units_temperature
 from .which_unit import read_otherwise, unit_suspected
 
@@ -160,16 +155,13 @@ def check_record(record: Record, motor: Motor) -> tuple[Finding, ...]:
         )
         for check in checks:
             errors = {one.id for one in findings if one.severity == "error"}
-            if errors and check in OF_THE_COURSE:
-                continue
-            if check in IF_NOTHING_ELSE and not _is_of_the_course(findings):
-                continue
+            is_unclear = errors & {"unit_suspected", "losses_of_shaft", "units_temperature"}
             if (
-                errors & {"unit_suspected", "losses_of_shaft", "units_temperature"}
-                and check in OF_THE_BALANCE
+                (errors and check in OF_THE_COURSE)
+                or (is_unclear and check in OF_THE_BALANCE)
+                or (check in IF_NOTHING_ELSE and not _is_of_the_course(findings))
+                or (check in OF_THE_SENSOR and (check is not OF_THE_SENSOR[0] or is_off))
             ):
-                continue
-            if check in OF_THE_SENSOR and (check is not OF_THE_SENSOR[0] or is_off):
                 continue
             if check in OF_THE_SENSOR:
                 found, record = _of_the_sensor(record, motor)
@@ -185,7 +177,8 @@ def _of_the_sensor(record: Record, motor: Motor) -> tuple[list[Finding], Record]
     """Return the findings on the winding's reading in the order of time, and the record without."""
     told: list[Finding] = []
     for _ in range(MOST_FAULTS):
-        looked = Looked.at(record, motor)
+        stretches = tuple(frozen_stretches(record, motor))
+        looked = Looked(unexplained_movement(record, motor), stretches)
         found = [one for check in OF_THE_SENSOR for one in check(record, motor, looked)]
         found = [one for one in found if not _is_below_a_top(one, told)]
         errors = [one for one in found if mended(record, motor, one)[0] is not record]
@@ -233,85 +226,70 @@ SHOWN = 20
 
 def mended(record: Record, motor: Motor, finding: Finding) -> tuple[Record, Motor]:
     """Return record and motor as they would be without a fault; as they are where none is known."""
-    if finding.id == "sensors_differ" and "factor" in finding.values:
-        channel = channel_of(finding)
-        values = np.array(record[channel], dtype=float)
-        from_s, to_s = finding.values.get("from_s"), finding.values.get("to_s")
-        span = (-np.inf if from_s is None else from_s, np.inf if to_s is None else to_s)
-        values[within(record.time_s, [span])] *= finding.values["factor"] or 1.0
-        return replace(record, channels={**record.channels, channel: values}), motor
-    if finding.id == "losses_of_shaft" and "ratio" in finding.values:
-        rest = {name: column for name, column in record.channels.items() if name != "losses_W"}
-        shaft = recorded_shaft_power(rest)
-        if shaft is not None and not finding.values["is_output"]:
-            rest["losses_W"] = record["losses_W"] - np.abs(shaft)
-        return replace(record, channels=rest), motor
-    if (
-        finding.id == "load_stuck"
-        and "from_s" not in finding.values
-        and channel_of(finding) == "torque_Nm"
-    ):
-        rest = {n: v for n, v in record.channels.items() if n not in ("torque_Nm", "losses_W")}
-        return replace(record, channels=rest), motor
-    if finding.id == "shaft_power_disagrees":
+    id, channel = finding.id, channel_of(finding)
+    said = {name: 0.0 if value is None else value for name, value in finding.values.items()}
+    span = (said.get("from_s", -np.inf), said.get("to_s", np.inf))
+    if id == "sensors_differ" and "factor" in said:
+        times = np.where(within(record.time_s, [span]), said["factor"] or 1.0, 1.0)
+        return record.having({channel: times * record[channel]}), motor
+    if id == "losses_of_shaft" and "ratio" in said:
+        shaft = recorded_shaft_power(record.channels)
+        if shaft is None or said["is_output"]:
+            return record.without("losses_W"), motor
+        return record.having({"losses_W": record["losses_W"] - np.abs(shaft)}), motor
+    if id == "load_stuck" and "from_s" not in said and channel == "torque_Nm":
+        return record.without("torque_Nm", "losses_W"), motor
+    if id == "shaft_power_disagrees":
         shaft = recorded_shaft_power(record.channels)
         terms = {"shaft_power_offset": 1.0, "shaft_power_gain": shaft}
         if "speed_rpm" in record:
             terms["torque_offset"] = RAD_PER_S_PER_RPM * np.asarray(record["speed_rpm"])
-        taken = [n for n in finding.values if n in terms and not prior_of(motor, n, 0.0).is_fixed]
-        told = (terms[name] * finding.values[name] for name in taken)
-        from_s, to_s = (finding.values.get(name) for name in ("from_s", "to_s"))
-        lasts = within(record.time_s, [(from_s or -np.inf, np.inf if to_s is None else to_s)])
-        losses = record["losses_W"] - sum(told) * lasts
-        return replace(record, channels={**record.channels, "losses_W": losses}), motor
-    if finding.id == "resistance_coefficient":
-        B = finding.values["coefficient_degC"] or motor.resistance_coefficient_degC
+        taken = [n for n in said if n in terms and not prior_of(motor, n, 0.0).is_fixed]
+        off = sum(terms[name] * said[name] for name in taken)
+        losses = record["losses_W"] - off * within(record.time_s, [span])
+        return record.having({"losses_W": losses}), motor
+    if id == "resistance_coefficient":
+        B = said["coefficient_degC"] or motor.resistance_coefficient_degC
         return record, replace(motor, resistance_coefficient_degC=B)
-    if finding.id == "sensor_pickup":
+    if id == "sensor_pickup":
         return without_pickup(record, finding), motor
-    if finding.id == "sensor_detached" and "reading_degC" in finding.values:
-        return _without_open(record, channel_of(finding)), motor
-    if finding.id in OF_THE_READING and channel_of(finding) != "winding_degC":
-        return _without(record, finding), motor
-    if finding.id == "unit_suspected" and finding.severity != "note":
+    if id == "sensor_detached" and "reading_degC" in said:
+        return _without_open(record, channel), motor
+    if id in OF_THE_READING and channel != "winding_degC":
+        return _without(record, channel, said), motor
+    if id == "unit_suspected" and finding.severity != "note":
         return read_otherwise(record, motor, finding)
     if finding.severity != "error":
         return record, motor
-    if finding.id == "time_backwards" and "sample" in finding.values:
-        size = int(finding.values["sample"] or 0)
+    if id == "time_backwards" and "sample" in said:
         # as its first part would be read: what is advised goes into the line that parts the test
-        first = {name: column[:size] for name, column in record.channels.items()}
+        first = {name: values[: int(said["sample"])] for name, values in record.channels.items()}
         part_of, row = record.part_of or record.name, record.first_row or 1
         return replace(record, channels=first, part_of=part_of, first_row=row), motor
-    if finding.id == "units_temperature":
-        channel, values = channel_of(finding), finding.values
-        zero, factor = values["zero"] or 0.0, values["factor"] or 1.0
-        degC = (np.asarray(record[channel], dtype=float) - zero) * factor
-        return replace(record, channels={**record.channels, channel: degC}), motor
-    if finding.id == "ambient_implausible" and finding.values.get("mirrored_about_degC"):
-        mirrored = 2.0 * (finding.values["mirrored_about_degC"] or 0.0) - record["winding_degC"]
-        return replace(record, channels={**record.channels, "winding_degC": mirrored}), motor
-    if finding.id == "ambient_implausible" and finding.values.get("is_exchanged"):
-        body, sink = channel_of(finding), sink_channel(motor)
-        pair = {sink: record[body], body: record[sink]}
-        return replace(record, channels={**record.channels, **pair}), motor
-    if finding.id == "load_late":
-        return move_load(record, -(finding.values["late_s"] or 0.0), ""), motor
-    if finding.id == "load_stuck" and "from_s" in finding.values:
-        held = (finding.values["from_s"] or 0.0, finding.values["to_s"] or 0.0)
-        return bridge(mask(record, [*record.masks, held], ""), [held], ""), motor
-    if finding.id == "load_spike":
+    if id == "units_temperature":
+        degC = (np.asarray(record[channel], dtype=float) - said["zero"]) * (said["factor"] or 1.0)
+        return record.having({channel: degC}), motor
+    if id == "ambient_implausible" and said.get("mirrored_about_degC"):
+        mirrored = 2.0 * said["mirrored_about_degC"] - record["winding_degC"]
+        return record.having({"winding_degC": mirrored}), motor
+    if id == "ambient_implausible" and said.get("is_exchanged"):
+        sink = sink_channel(motor)
+        return record.having({sink: record[channel], channel: record[sink]}), motor
+    if id == "load_late":
+        return move_load(record, -said["late_s"], ""), motor
+    if id == "load_stuck" and "from_s" in said:
+        return bridge(mask(record, [*record.masks, span], ""), [span], ""), motor
+    if id == "load_spike":
         return bridge(record, spike_windows(record, finding), ""), motor
-    if finding.id == "saturation" and channel_of(finding) == "winding_degC":
+    left_out: list[tuple[float, float]] = []
+    if id == "saturation" and channel == "winding_degC":
         winding = np.asarray(record["winding_degC"], dtype=float)
-        clipped = np.isclose(winding, finding.values["extreme"] or 0.0)
-        return mask(record, [*record.masks, *windows(record.time_s, clipped)], ""), motor
-    if finding.id in OF_THE_READING and channel_of(finding) == "winding_degC":
-        begin = finding.values.get("from_s")
-        until = finding.values.get("until_s", finding.values.get("to_s"))
-        if begin is not None and until is not None:
-            return mask(record, [*record.masks, (begin, until)], ""), motor
-    return record, motor
+        left_out = windows(record.time_s, np.isclose(winding, said["extreme"]))
+    elif id in OF_THE_READING:
+        left_out = [(span[0], said.get("until_s", span[1]))]
+    if not np.isfinite(left_out).all() or not left_out:
+        return record, motor
+    return mask(record, [*record.masks, *left_out], ""), motor
 
 
 def _without_open(record: Record, channel: str) -> Record:
@@ -321,28 +299,25 @@ def _without_open(record: Record, channel: str) -> Record:
         return record
     if channel == "winding_degC":
         return mask(record, [*record.masks, *spans], "")
-    rest = {name: column for name, column in record.channels.items() if name != channel}
     if channel in BODIES:
-        return replace(record, channels=rest)
+        return record.without(channel)
     known = np.isfinite(record[channel]) & ~within(record.time_s, spans)
     if not known.any():
         return record
-    rest[channel] = np.interp(record.time_s, record.time_s[known], record[channel][known])
-    return replace(record, channels=rest)
+    straight = np.interp(record.time_s, record.time_s[known], record[channel][known])
+    return record.having({channel: straight})
 
 
-def _without(record: Record, finding: Finding) -> Record:
+def _without(record: Record, channel: str, said: Mapping[str, float]) -> Record:
     """Return a record without a body that is off, or with a sink that stays as it was before."""
-    channel = channel_of(finding)
-    num_jumps, num_lasting = (finding.values.get(f"num_{of}", 1.0) for of in ("jumps", "lasting"))
-    if not num_lasting or (num_jumps or 0.0) > MOST_JUMPS:
+    if not said.get("num_lasting", 1.0) or said.get("num_jumps", 1.0) > MOST_JUMPS:
         return record
-    rest = {name: column for name, column in record.channels.items() if name != channel}
-    if channel not in BODIES:
-        sink, before = record[channel], record.time_s <= (finding.values["from_s"] or 0.0)
-        known = sink[before & np.isfinite(sink)]
-        rest[channel] = np.where(before, sink, np.median(known[-SHOWN:]) if known.size else np.nan)
-    return replace(record, channels=rest)
+    if channel in BODIES:
+        return record.without(channel)
+    sink, before = record[channel], record.time_s <= said["from_s"]
+    known = sink[before & np.isfinite(sink)]
+    last = np.median(known[-SHOWN:]) if known.size else np.nan
+    return record.having({channel: np.where(before, sink, last)})
 
 
 __all__ = ["CHECKS", "Check", "check_record", "current_scale_unchecked"]

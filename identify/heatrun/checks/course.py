@@ -178,31 +178,23 @@ heat run's rise. A rate is only counted from 0.5 K on: below, a short test has n
 of."""
 
 
-def warming(record: Record) -> tuple[float, float]:
-    """Return by how much the winding warms at most [K], and how much a heating must [K]."""
+def warming(record: Record) -> tuple[float, float, np.ndarray, np.ndarray]:
+    """Return by how much the winding warms at most [K], how much a heating must [K], and times [s]
+    and values [degC] of the means over which that counts.
+    """
     time_s, winding = samples(record, "winding_degC")
-    return _rise(winding, _means(time_s, winding)[1])
-
-
-def _rise(winding: np.ndarray, means: np.ndarray) -> tuple[float, float]:
-    """Return what `warming` does, of readings and their means [degC]."""
-    rise = float(np.max(means - np.minimum.accumulate(means), initial=0.0))
-    return rise, max(HEATED_STEPS * (rounding_step(winding) or 0.0), HEATED_K)
-
-
-def _means(time_s: np.ndarray, winding: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the times [s] and values [degC] of the means over which a rise counts."""
     width_s = max(10.0, float(np.ptp(time_s)) / 200.0) if time_s.size else 10.0
     means_s, means = block_means(time_s, width_s, winding)
-    return means_s, means
+    rise = float(np.max(means - np.minimum.accumulate(means), initial=0.0))
+    return rise, max(HEATED_STEPS * (rounding_step(winding) or 0.0), HEATED_K), means_s, means
 
 
 def no_heating(record: Record, motor: Motor) -> Iterator[Finding]:
     """Report a winding that never warms: an error, or of a cooling curve a warning."""
-    time_s, winding = samples(record, "winding_degC")
+    time_s = samples(record, "winding_degC")[0]
     if time_s.size < 3:
         return
-    means_s, means = _means(time_s, winding)
+    rise, limit, means_s, means = warming(record)
     if means_s.size < 2:
         lasts_s = float(np.ptp(time_s))
         yield Finding(
@@ -215,7 +207,6 @@ def no_heating(record: Record, motor: Motor) -> Iterator[Finding]:
             values={"duration_s": lasts_s},
         )
         return
-    rise, limit = _rise(winding, means)
     fall = float(np.max(np.maximum.accumulate(means) - means))
     if rise > limit:
         return

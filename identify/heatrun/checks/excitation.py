@@ -40,10 +40,9 @@ it, and what settles is not the machine."""
 
 TWO_HOURS_S = 7200.0
 KNOWN_CONSTANTS = (1.0, 2.0, 3.0)
-KNOWN_SD_CEQ_SR = (0.09, 0.036, 0.025)
-KNOWN_SD_REQ_SR = (0.10, 0.012, 0.008)
-"""Relative sd [1] against the length of the test in slow time constants, reference motor at 1
-degC."""
+KNOWN_SD = ((9.0, 3.6, 2.5), (10.0, 1.2, 0.8))
+"""Relative sd of Ceq_sr and Req_sr [%] against the length of the test in slow time constants,
+reference motor at 1 degC; beyond the ends they are a bound and no more."""
 
 
 def single_step(record: Record, motor: Motor) -> tuple[Finding, ...]:
@@ -146,14 +145,16 @@ def too_short(record: Record, motor: Motor) -> Iterator[Finding]:
         )
         remedy = "Hold one load until the temperature settles, and record the cool-down."
     else:
-        now, later = expected_sd(constants), expected_sd(TWO_HOURS_S / fit.tau_s)
+        now, later = (
+            [np.interp(lasts, KNOWN_CONSTANTS, sd) for sd in KNOWN_SD]
+            for lasts in (constants, TWO_HOURS_S / fit.tau_s)
+        )
         at_least = "more than " if constants < KNOWN_CONSTANTS[0] else "about "
         message = (
             f"Expected at least two slow time constants; the {lasts} of test are "
             f"{constants:.2g} time constants of about {fit.tau_s:.0f} s. The standard "
-            f"uncertainties of Ceq_sr and Req_sr will be {at_least}{100.0 * now[0]:.0f} % and "
-            f"{100.0 * now[1]:.0f} %; "
-            f"after 2 h about {100.0 * later[0]:.1f} % and {100.0 * later[1]:.1f} %."
+            f"uncertainties of Ceq_sr and Req_sr will be {at_least}{now[0]:.0f} % and "
+            f"{now[1]:.0f} %; after 2 h about {later[0]:.1f} % and {later[1]:.1f} %."
         )
         remedy = "Extend the load until the temperature settles, and record the cool-down."
     yield Finding(
@@ -169,15 +170,4 @@ def too_short(record: Record, motor: Motor) -> Iterator[Finding]:
             "tau_log_sd": fit.log_sd,
         }
         | open_to,
-    )
-
-
-def expected_sd(constants: float) -> tuple[float, float]:
-    """Return relative sd of Ceq_sr and Req_sr [1] for a test of so many slow time constants.
-
-    Interpolated between the known lengths; held at the ends, where it is a bound and no more.
-    """
-    return (
-        float(np.interp(constants, KNOWN_CONSTANTS, KNOWN_SD_CEQ_SR)),
-        float(np.interp(constants, KNOWN_CONSTANTS, KNOWN_SD_REQ_SR)),
     )

@@ -31,7 +31,7 @@ from ..record.stretch import windows, within
 from .advice import Remedy, mask_line
 from .quick_fit import QuickFit, course_of, fit_of, quick_fit
 from .time_axis import GAP_STEPS, MAX_GAP_S, MAX_GAP_SHARE
-from .unexplained import Movement, unexplained_movement
+from .unexplained import Movement
 
 LIVE_STEP_K = 0.05
 """Below this rounding step the last digit of a live thermocouple flickers."""
@@ -97,12 +97,6 @@ class Looked(NamedTuple):
 
     moved: Movement | None  # As `unexplained_movement`.
     stretches: tuple[Stretch, ...]  # As `frozen_stretches`.
-
-    @classmethod
-    def at(cls, record: Record, motor: Motor) -> Looked:
-        """Look at a record."""
-        stretches = tuple(frozen_stretches(record, motor))
-        return cls(unexplained_movement(record, motor), stretches)
 
 
 def frozen_stretches(record: Record, motor: Motor) -> Iterator[Stretch]:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from ..record.balance_errors import (
     own_errors,
     prior_of,
     told_beside,
+    with_shaft,
 )
 from ..record.derive import RAD_PER_S_PER_RPM, recorded_shaft_power
 from ..record.motor import Motor
@@ -182,8 +182,8 @@ def _shaft_error_W(record: Record, motor: Motor, *beside: str) -> np.ndarray:
     error = allowed["shaft_power_gain"] * np.abs(shaft) + allowed.get("shaft_power_offset", 0.0)
     if "torque_offset" in allowed:
         error += allowed["torque_offset"] * RAD_PER_S_PER_RPM * np.abs(record["speed_rpm"])
-    channels = {**record.channels, "mechanical_power_W": error}
-    time_s, error, *_ = samples(replace(record, channels=channels), "mechanical_power_W", *beside)
+    allowing = record.having({"mechanical_power_W": error})
+    time_s, error, *_ = samples(allowing, "mechanical_power_W", *beside)
     return block_means(time_s, BLOCK_S, error)[1]
 
 
@@ -302,19 +302,16 @@ def losses_of_shaft(record: Record, motor: Motor) -> Iterator[Finding]:
     if (excess := excess_of_shaft(record, motor)) is not None:
         yield _off_scale(record, excess)
         return
-    shaft = recorded_shaft_power(record.channels) if motor.losses == "balance" else None
+    whole = with_shaft(record, motor)
     reading = record.read_of("losses_W")
     if reading is None or reading.unit_from == "derived":
         return
     line = f'"{reading.column}" under [columns]'
-    if shaft is None:
+    if whole is record:
         yield from _far_above_copper(record, motor, line)
         return
-    channels = {**record.channels, "mechanical_power_W": np.abs(shaft)}
-    time_s, losses, power = samples(
-        replace(record, channels=channels), "losses_W", "mechanical_power_W"
-    )
-    time_s, losses, power = block_means(time_s, BLOCK_S, losses, power)
+    time_s, losses, power = samples(whole, "losses_W", "mechanical_power_W")
+    time_s, losses, power = block_means(time_s, BLOCK_S, losses, np.abs(power))
     is_driven = power > LEAST_POWER * np.max(power, initial=0.0)
     if np.sum(is_driven) < 6 or not np.all(losses[is_driven] > 0.0):
         return
@@ -369,7 +366,7 @@ def _far_above_copper(record: Record, motor: Motor, line: str) -> Iterator[Findi
     """Report losses beside which the copper loss is next to nothing at the highest current."""
     time_s, copper, total = _copper_and_total(record, motor)
     speed = samples(record, "speed_rpm")[1]
-    rise_K, least_K = warming(record)
+    rise_K, least_K, *_ = warming(record)
     stands = bool(speed.size and np.max(np.abs(speed)) < STANDSTILL_RPM)
     if time_s.size < 6 or stands or rise_K <= least_K:
         return

@@ -36,17 +36,15 @@ copper under direct current, a room that is held."""
 MAX_MISSING_SHARE = 0.1
 """Share of missing samples above which even isolated ones are an error [1]: the logger failed."""
 
-MEANING = {
-    "block": "The fit cannot bridge them.",
-    "isolated": "Shorter than a block: readings are left out of its mean, other channels are "
-    "interpolated; the fit is hardly affected.",
-    "unneeded": "The fit does not need this channel.",
-}
-REMEDY = {
-    "block": "Export the channel again.",
-    "isolated": "Nothing need be done; look at the logger if they grow more.",
-    "unneeded": "Export the channel again if a report is to show it.",
-}
+KINDS = {
+    "block": ("The fit cannot bridge them.", "Export the channel again."),
+    "isolated": ("Shorter than a block: readings are left out of its mean, other channels are "
+                 "interpolated; the fit is hardly affected.",
+                 "Nothing need be done; look at the logger if they grow more."),
+    "unneeded": ("The fit does not need this channel.",
+                 "Export the channel again if a report is to show it."),
+}  # fmt: skip
+"""What missing values mean, and what to do."""
 
 
 def missing_channel(record: Record, motor: Motor) -> Iterator[Finding]:
@@ -145,6 +143,7 @@ def nan_block(record: Record, motor: Motor) -> Iterator[Finding]:
         is_long = (lengths >= ISOLATED_SAMPLES) & (lengths * step_s >= BLOCK_S)
         advice = _without(record, channel, first[is_long], past[is_long])
         begin, end = int(first[worst]), int(past[worst]) - 1
+        meaning, remedy = KINDS[kind]
         from_s, to_s = float(record.time_s[begin]), float(record.time_s[end])
         if channel == "time_s" or not np.isfinite([from_s, to_s]).all():
             where = f"{record.name}, {channel}, samples {begin} to {end}".removeprefix(", ")
@@ -155,9 +154,9 @@ def nan_block(record: Record, motor: Motor) -> Iterator[Finding]:
             severity,
             f"Expected a number in every sample; {int(lengths.sum())} are missing "
             f"({100.0 * share:.1f} %) in {lengths.size} stretches, the longest of {longest} "
-            f"samples ({duration_s:.3g} s).{overrange} {MEANING[kind]}",
+            f"samples ({duration_s:.3g} s).{overrange} {meaning}",
             where,
-            Remedy(REMEDY[kind], *(advice if severity == "error" else ())),
+            Remedy(remedy, *(advice if severity == "error" else ())),
             values={
                 "num_missing": float(lengths.sum()),
                 "share": share,

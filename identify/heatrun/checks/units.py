@@ -1,7 +1,6 @@
 """Are the temperatures in degrees Celsius, and can the sink be what it is called?"""
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -182,8 +181,7 @@ def ambient_implausible(record: Record, motor: Motor) -> Iterator[Finding]:
     warm = {n: record[n] for n in ("winding_degC", *BODIES) if n in record}
     low, high = POSSIBLE_OF_BODIES_DEGC
     warm = {n: np.where((low < T) & (high > T), T, np.nan) for n, T in warm.items()}
-    heated = replace(record, channels={**record.channels, **warm})
-    heated = with_all_heat(heated, motor)
+    heated = with_all_heat(record.having(warm), motor)
     time_s, sink, winding, losses = samples(heated, channel, "winding_degC", "losses_W")
     loaded = is_loaded(losses)
     swing = float(np.ptp(winding)) if winding.size else 0.0

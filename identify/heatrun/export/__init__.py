@@ -2,7 +2,7 @@
 
 from .drive import export_drive
 from .mat import export_mat, export_test, mat_bytes
-from .network_course import Course, NetworkCourse, simulate_network, simulate_variables
+from .network_course import NetworkCourse, simulate_network, simulate_variables
 from .network_file import network_variables
 from .ratings import export_ratings
 from .rerun import RunAndTest, read_new_test, read_run_test
@@ -12,7 +12,6 @@ from .variables import Corrections, thesis_variables
 
 __all__ = [
     "Corrections",
-    "Course",
     "NetworkCourse",
     "RunAndTest",
     "export_drive",

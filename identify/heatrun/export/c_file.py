@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import itertools
 import math
 import re
 import textwrap
@@ -17,72 +15,18 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from lptn.effects.heat_paths import STEFAN_BOLTZMANN
-
 from ..errors import InputError
 from ..version import __version__
+from . import laws
+from .laws import in_comment, links_of
 from .missed import Missed
-from .network_course import simulate_held, with_bodies, without_errors_of_bench
-from .network_file import SIGNALS
+from .network_course import with_bodies
+from .vectors import VECTOR_S
 
 HEADER, SOURCE, HARNESS, VECTORS = "thermal_network.h", "thermal_network.c", "main.c", "vectors.csv"
 OBSERVER_VECTORS = "observer_vectors.csv"
 
-MOVED = {"iron_loss_in_winding": "k", "rotor_node": "P"}
-"""Effects that move heat out of the other losses, and the parameter that says how much [W]."""
-
-OF_NETWORK = {
-    "winding_resistance": {"g": "resistance_gain"},
-    "copper_coefficient": {"dB": "coefficient_more_degC"},
-    "standby_loss": {"P0": "standby_W"},
-    "loss_gain": {"g": "loss_gain"},
-    "ambient_recirculation": {"r": "recirculation_K_per_W"},
-    "coolant_sink": {"a": "coolant_share"},
-    "ac_copper_loss": {"k": "ac_copper"},
-    "stray_load_loss": {"k": "stray_W"},
-    "external_loss": {"k": "outside_share", "m": "outside_exponent"},
-}
-OF_LINK = {
-    "speed_cooling": {"g": "speed_gain", "m": "speed_exponent"},
-    "fan_cooling": {"g": "fan_gain"},
-    "natural_convection": {"f": "natural_share", "n": "natural_exponent"},
-    "insulation_conductivity": {"b": "warmth_gain_per_K"},
-}
-OF_NODE = {
-    "speed_loss": {"linear": "speed_loss_W", "square": "speed_squared_loss_W"},
-    "bearing_friction": {"T_f": "friction_Nm", "kappa": "friction_fall_per_K"},
-    "radiation": {"eA": "radiating_m2"},
-    **{id: {P: "moved_W", "n": "moved_exponent", "m": "moved_by_load"} for id, P in MOVED.items()},
-    "end_winding_node": {"f": "copper_moved"},
-}
-"""Member of `heatrun_parameters` for each parameter of the effects: one number, or one for each
-link or node, where it stands at that of the effect."""
-
-OF_PLACE = {"end_winding_node": "p", "sensor_contact": "k"}
-"""Effects by which the sensor sits between the winding and another node, and the share of that."""
-
-OF_READING = ("sensor_lag", "sensor_contact", "sensor_gain", "sensor_pickup")
-"""What they do to the reading is in the observer; gain and pickup are of the bench's sensor."""
-
-LAWS = (*OF_LINK, *OF_NODE, *OF_NETWORK, "neighbour_body", "housing_node", "winding_node",
-        *OF_READING)  # fmt: skip
-"""Effects whose laws the source holds."""
-
-BY_SPEED = {"speed_cooling", "ac_copper_loss", *MOVED, "stray_load_loss", "speed_loss",
-            "external_loss", "bearing_friction"}  # fmt: skip
-"""Those that take the speed."""
-
-BY_WARMTH = {"radiation", "natural_convection", "insulation_conductivity"}
-"""Those by which a network is not linear in its temperatures."""
-
-HOT_K = 200.0
-"""How far a node may be above 60 °C, or above the sink, for which a step is short enough [K]."""
-
 STEP_S = 1.0
-
-SHARE_OF_FASTEST = 0.02
-"""Parts of a step stay below this share of 1 over the fastest rate (Gershgorin): Runge-Kutta of the
-fourth order then errs by 0.02^4/120, some 1e-9 of a change."""
 
 MOST_PARTS = 1000
 """More parts than this cost a drive too much."""
@@ -90,59 +34,11 @@ MOST_PARTS = 1000
 MOST_BYTES = 1024
 """The state of an observer stays below this."""
 
-VECTOR_S = 7200.0
-"""Length of the vectors at most [s]."""
-
-OBSERVED_STEPS, ASKED_EVERY = 1800, 60
-"""Steps of each course of the observer's vectors at most, and between two questions for time to the
-limit and permitted current, which cost many steps."""
-
-COURSES = ("a sound sensor", "lost for a third of the course", "sticks for a third of the course",
-           "a start that is 30 K wrong")  # fmt: skip
-"""What the observer's vectors go through."""
-
-MOST_PLAYED = 50_000
-"""Steps of a test that the observer is played on, at most: fourteen hours at 1 Hz."""
-
-ASKS_NOTHING = (-1.0, 0.0, 0.0)
-"""Node, limit and horizon of a step without a question."""
-
-START_SD_K = 5.0
-"""How well the temperatures at the start of a course are known [K]."""
-
 LATE_S = 60.0
 """Lag of a sensor that is looked for [s]; what others leave is much like it."""
 
 LEAST_STUCK_K = 2.0
 """Sensors of a resolution of 1 K stand still as long as the machine changes by less [K]."""
-
-UNLIKE_C = re.compile(r"[^A-Za-z0-9 .,:;()+=@_-]")
-"""What text in a comment is escaped of: it can neither end the comment nor be a trigraph."""
-
-INPUTS = {"Is": "current_A", "Pd": "losses_W", "Pol": "losses_W", "Te": "sink_degC",
-          "Te2": "second_sink_degC", "coolant_degC": "coolant_degC", "speed_rpm": "speed_rpm",
-          "fan": "fan"}  # fmt: skip
-"""Member of the struct of inputs by the name in `network.mat`, in the order of the struct."""
-
-
-def lacking_laws(ids: Iterable[str]) -> list[str]:
-    """Return the effects whose laws the source does not hold."""
-    return sorted({name for name in ids if name not in LAWS})
-
-
-def refuse_lawless(ids: Iterable[str], where: str) -> None:
-    """Refuse effects whose laws the source does not hold.
-
-    Raises:
-        InputError: With their names.
-    """
-    if lacking := lacking_laws(ids):
-        raise InputError(
-            f"the C source does not hold the law of {', '.join(lacking)}: events, drifts and "
-            "delays of a test are not the drive's, nor are laws beyond the catalogue.",
-            where=where,
-            remedy="Pass --replica for the nearest network without it, or export --to mat.",
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +67,7 @@ class CSource:
         Raises:
             InputError: If it lacks the law of an effect, or the step is not one for this network.
         """
-        refuse_lawless((each["id"] for each in np.atleast_1d(of_run["effects"])), said["run"])
+        laws.refuse_lawless((each["id"] for each in np.atleast_1d(of_run["effects"])), said["run"])
         if any(each["id"] == "winding_node" for each in with_bodies(of_run)["effects"]):
             raise InputError(
                 "the C source holds winding_node with the resistance of a machine alone, and here "
@@ -185,7 +81,7 @@ class CSource:
                 where="--step",
                 remedy="Pass the time between two calls of the drive [s].",
             )
-        parts = parts_of(step, with_bodies(of_run))
+        parts = laws.parts_of(step, with_bodies(of_run))
         if parts > MOST_PARTS:
             longest = step * MOST_PARTS / parts
             raise InputError(
@@ -209,10 +105,10 @@ class CSource:
     @property
     def inputs(self) -> list[str]:
         """Names in `network.mat` of what drives this network, in the order of the struct."""
-        laws = {each["id"] for each in np.atleast_1d(self.found["effects"])}
-        is_used = {"speed_rpm": bool(laws & BY_SPEED), "fan": "fan_cooling" in laws,
-                   "coolant_degC": "coolant_sink" in laws}  # fmt: skip
-        return [name for name in INPUTS if name in self.found and is_used.get(name, True)]
+        ids = {each["id"] for each in np.atleast_1d(self.found["effects"])}
+        is_used = {"speed_rpm": bool(ids & laws.BY_SPEED), "fan": "fan_cooling" in ids,
+                   "coolant_degC": "coolant_sink" in ids}  # fmt: skip
+        return [name for name in laws.INPUTS if name in self.found and is_used.get(name, True)]
 
     @property
     def heated(self) -> list[int]:
@@ -239,8 +135,8 @@ class CSource:
         parts = np.zeros(len(self.nodes))
         parts[self.nodes.index(self.found["sensor"]["node"])] = 1.0
         for effect in np.atleast_1d(self.found["effects"]):
-            if effect["id"] in OF_PLACE:
-                moved = float(effect["parameters"][OF_PLACE[effect["id"]]])
+            if effect["id"] in laws.OF_PLACE:
+                moved = float(effect["parameters"][laws.OF_PLACE[effect["id"]]])
                 parts[self.nodes.index(effect.get("added", effect.get("node")))] += moved
                 parts[self.nodes.index("winding")] -= moved
         return parts
@@ -256,14 +152,14 @@ class CSource:
         if not self.cold[0]:
             return ["heatrun_winding_degC is left out: the run has no resistance of the winding. "
                     "State phase_resistance_ohm in [winding]."]  # fmt: skip
-        laws = [e["id"] for e in np.atleast_1d(self.found["effects"])
-                if e["id"] in ("sensor_lag", *OF_PLACE)]  # fmt: skip
+        ids = [e["id"] for e in np.atleast_1d(self.found["effects"])
+               if e["id"] in ("sensor_lag", *laws.OF_PLACE)]  # fmt: skip
         node = self.found["sensor"]["node"]
         where = [f"its sensor is at {node}"] if node != self.found["copper_node"] else []
-        if not laws + where:
+        if not ids + where:
             return []
         return ["heatrun_winding_degC is the mean of the winding at once, and the observer expects "
-                f"another reading ({', '.join(laws + where)}): do not pass it there."]  # fmt: skip
+                f"another reading ({', '.join(ids + where)}): do not pass it there."]  # fmt: skip
 
     @property
     def state_bytes(self) -> int:
@@ -321,137 +217,6 @@ class CSource:
             HARNESS: _template("main.c").encode("ascii"),
         }
 
-    def vectors(self, test: str) -> bytes:
-        """Return inputs and what `lptn` makes of them, as CSV.
-
-        The first row holds the start; every other one the inputs held over a step, those of the
-        record at its middle, and the temperatures at its end.
-
-        Args:
-            test: Name of the test, for the comment.
-
-        Raises:
-            InputError: If the test is shorter than a step.
-        """
-        if self.num_vectors < 1:
-            raise InputError(
-                f"the test is shorter than a step of {self.step:g} s.",
-                where=test,
-                remedy="Pass a shorter --step, or another --test.",
-            )
-        held, course = self._driven
-        columns = [self.step * np.arange(len(held) + 1)]
-        columns += [*np.vstack([np.zeros(held.shape[1]), held]).T, *course.T]
-        heading = [*self._driving(), *(f"{node}_degC" for node in self.nodes)]
-        text = io.StringIO()
-        text.write(f"# heatrun export: inputs and lptn's temperatures, test {in_comment(test)}\n")
-        np.savetxt(text, np.column_stack(columns), "%.17g", ",", header=",".join(heading),
-                   comments="")  # fmt: skip
-        return text.getvalue().encode("ascii")
-
-    def observer_courses(self, test: str) -> bytes:
-        """Return inputs and readings of `COURSES`, as CSV: the harness writes the outputs.
-
-        The machine is as the model has it, the readings those of its sensor with the white noise
-        of the run, to 0.01 K.
-
-        Args:
-            test: Name of the test, for the comment; it is no shorter than a step.
-        """
-        held, course = (each[: OBSERVED_STEPS + k] for k, each in enumerate(self._driven))
-        num = len(held)
-        rng = np.random.default_rng(1)
-        noise = rng.normal(0.0, self.missed.reading(self.step), (len(COURSES), num))
-        copper = self.nodes.index(self.found["copper_node"])
-        question = [copper, np.round(course[:, copper].max(), 1), 600.0 * self.step]
-        asked = np.where(
-            (np.arange(1, num + 1) % ASKED_EVERY == 0)[:, None], question, ASKS_NOTHING
-        )
-        text = io.StringIO()
-        text.write(f"# heatrun export: inputs, readings and the observer's outputs by this C in "
-                   f"double, test {in_comment(test)}\n{self._observed_heading}\n")  # fmt: skip
-        for k, (what, each) in enumerate(zip(COURSES, noise, strict=True)):
-            reading = np.round(self._shown(course) + each, 2)
-            late = slice(num // 3, 2 * num // 3)
-            if k == 1:
-                reading[late] = np.nan
-            elif k == 2:
-                reading[late] = reading[late][:1]
-            wrong_K, sd_K = (-30.0, 30.0) if k == 3 else (0.0, START_SD_K)
-            text.write(f"# {what}\n")
-            self._write_observed(text, held, reading, course[0] + wrong_K, sd_K, asked)
-        return text.getvalue().encode("ascii")
-
-    def readings(self) -> bytes:
-        """Return inputs and readings of the test, `MOST_PLAYED` steps at most, as
-        `observer_courses`: where no sample falls into a step there is none. They come without
-        errors of the bench's sensor, such as its pickup.
-        """
-        time = self.found["t"] - self.found["t"][0]
-        num = min(int(time[-1] / self.step + 1e-9), MOST_PLAYED)
-        latest = np.searchsorted(time, self.step * np.arange(num + 1) + 1e-9, side="right") - 1
-        is_new = np.diff(latest) > 0
-        reading = np.where(is_new, without_errors_of_bench(self.found)[latest[1:]], np.nan)
-        held, start = self._in_order(self._by_name(num)), np.atleast_1d(self.found["start"])
-        asked = np.tile(ASKS_NOTHING, (num, 1))
-        text = io.StringIO()
-        text.write(f"{self._observed_heading}\n")
-        self._write_observed(text, held, reading, start, START_SD_K, asked)
-        return text.getvalue().encode("ascii")
-
-    @property
-    def _observed_heading(self) -> str:
-        outputs = [f"{node}_{what}" for node in self.nodes for what in ("degC", "sd_K")]
-        asked = ("reading_degC", "node", "limit_degC", "horizon_s")
-        told = (*outputs, "status", "sensor", "time_to_limit_s", "permitted_A")
-        return ",".join([*self._driving(), *asked, *told])
-
-    def _write_observed(
-        self, text: io.StringIO, held: np.ndarray, reading: np.ndarray, start: np.ndarray,
-        sd_K: float, asked: np.ndarray,
-    ) -> None:  # fmt: skip
-        """Write the start, and inputs, readings and questions of each step; outputs are NaN."""
-        unknown = np.full((len(held), 2 * len(self.nodes) + 4), np.nan)
-        time_s = self.step * np.arange(1, len(held) + 1)
-        rows = np.column_stack([time_s, held, reading, asked, unknown])
-        both = [each for T in start for each in (T, sd_K)]
-        first = [*np.zeros(1 + held.shape[1]), np.nan, *ASKS_NOTHING, *both, 0, 0, -1, -1]
-        np.savetxt(text, np.vstack([first, rows]), "%.12g", ",")
-
-    def _shown(self, course: Float[np.ndarray, "time node"]) -> Float[np.ndarray, " step"]:
-        """Return what the sensor shows at the end of each step [degC]."""
-        at_place = course @ self.reading
-        if not self.lag_s:
-            return at_place[1:]
-        keep = math.exp(-self.step / self.lag_s)
-        mean, shown = self.lag_s / self.step * (1.0 - keep), [at_place[0]]
-        for before, after in itertools.pairwise(at_place):
-            shown.append(keep * shown[-1] + (1.0 - mean) * after + (mean - keep) * before)
-        return np.array(shown[1:])
-
-    def _driving(self) -> list[str]:
-        """Return the names of time and inputs."""
-        return ["time_s", *(INPUTS[name] for name in self.inputs)]
-
-    @cached_property
-    def _driven(self) -> tuple[np.ndarray, np.ndarray]:
-        """Inputs held over the steps (step, input) and temperatures (step + 1, node)."""
-        held = self._by_name(self.num_vectors)
-        course = simulate_held(self.of_run, held, self.step)
-        return self._in_order(held), np.column_stack([course[node] for node in self.nodes])
-
-    def _in_order(self, held: Mapping[str, np.ndarray]) -> Float[np.ndarray, "step input"]:
-        return np.column_stack([held[name] for name in self.inputs])
-
-    def _by_name(self, num: int) -> dict[str, np.ndarray]:
-        """Return what drives the machine in the middle of each step, by its name."""
-        time = self.found["t"] - self.found["t"][0]
-        middle = self.step * (np.arange(num) + 0.5)
-        driving = [name for name in SIGNALS if name in self.found and name not in ("t", "Tw_m")]
-        held = {name: np.interp(middle, time, self.found[name]) for name in driving}
-        held["Is"] = np.sqrt(np.interp(middle, time, self.found["Is"] ** 2))
-        return held
-
     def _header(self) -> dict[str, str]:
         found, inputs = self.found, self.inputs
         names = _enumerators(self.nodes)
@@ -464,7 +229,7 @@ class CSource:
             "has_speed": str(int("speed_rpm" in inputs)),
             "has_fan": str(int("fan" in inputs)),
             "has_coolant": str(int("coolant_degC" in inputs)),
-            "has_warmth": str(int(any(e["id"] in BY_WARMTH for e in found["effects"]))),
+            "has_warmth": str(int(any(e["id"] in laws.BY_WARMTH for e in found["effects"]))),
             **self.largest(),
             "speed_limit": f"#define HEATRUN_MAX_SPEED_RPM {self.largest()['max_speed']}\n"
             if "speed_rpm" in inputs
@@ -488,16 +253,16 @@ class CSource:
     def parameters(self) -> dict[str, np.ndarray]:
         """Return the members of `heatrun_parameters` [their units]: shape (node,), (link,), ()."""
         found, nodes, links = self.found, self.nodes, links_of(self.found)
-        sizes = ((OF_NETWORK, ()), (OF_LINK, len(links)), (OF_NODE, len(nodes)))
+        sizes = ((laws.OF_NETWORK, ()), (laws.OF_LINK, len(links)), (laws.OF_NODE, len(nodes)))
         numbers = {
             member: np.zeros(size) for table, size in sizes for members in table.values()
             for member in members.values()
         }  # fmt: skip
         for effect in np.atleast_1d(found["effects"]):
             place: tuple[int, ...] = ()
-            if effect["id"] in OF_LINK:
+            if effect["id"] in laws.OF_LINK:
                 place = (links.index(tuple(effect["link"])),)
-            elif effect["id"] in OF_NODE:
+            elif effect["id"] in laws.OF_NODE:
                 node = effect.get("added", effect.get("node", found["copper_node"]))
                 place = (nodes.index(node),)
             for table, _ in sizes:
@@ -547,7 +312,7 @@ class CSource:
         keep = math.exp(-self.step / self.lag_s) if self.lag_s else 0.0
         lightest = min(np.atleast_1d(found["capacitance"])[self.heated])
         missed, white = self.missed, self.missed.reading(self.step)
-        rate = _rates(found)[sensed]
+        rate = laws.rates(found)[sensed]
         W_per_K = rate * np.atleast_1d(found["capacitance"])[sensed]
         heat_W, heat_s = missed.heat_W(losses, float(W_per_K), float(1.0 / rate))
         return {
@@ -580,11 +345,6 @@ class CSource:
         }
 
 
-def in_comment(text: str) -> str:
-    """Return text that stands safely in a comment of C: other characters by their number."""
-    return UNLIKE_C.sub(lambda found: f"<U+{ord(found[0]):04X}>", text)
-
-
 def _enumerators(nodes: Sequence[str]) -> list[str]:
     """Return names of nodes in the letters of C, each once."""
     names: list[str] = []
@@ -592,54 +352,6 @@ def _enumerators(nodes: Sequence[str]) -> list[str]:
         plain = re.sub(r"[^A-Z0-9_]", "_", node.upper())
         names.append(f"{plain}_{len(names)}" if plain in names else plain)
     return names
-
-
-def parts_of(step: float, found: Mapping[str, Any]) -> int:
-    """Return into how many parts a step [s] of a network is divided."""
-    return max(1, math.ceil(step * _fastest(found) / SHARE_OF_FASTEST))
-
-
-def _fastest(found: Mapping[str, Any]) -> float:
-    """Return a bound of the fastest rate of the network at its limits [1/s]."""
-    nodes = [str(node) for node in np.atleast_1d(found["nodes"])]
-    conductance = 1.0 / np.atleast_1d(found["resistance"])
-    links, radiating = links_of(found), np.zeros(len(nodes))
-    for effect in np.atleast_1d(found["effects"]):
-        id, q = effect["id"], effect["parameters"]
-        if id == "radiation":
-            radiating[nodes.index(effect["node"])] += (
-                4.0 * STEFAN_BOLTZMANN * q["eA"] * (60 + HOT_K + 273) ** 3
-            )
-        elif id in OF_LINK:
-            gain = (
-                1.0 + HOT_K * abs(q["b"]) if id == "insulation_conductivity"
-                else 1.0 + q["f"] * ((HOT_K / 40.0) ** q["n"] - 1.0) if id == "natural_convection"
-                else 1.0 + 2.0 * q["g"]  # at twice its rated speed
-            )  # fmt: skip
-            conductance[links.index(tuple(effect["link"]))] *= gain
-    from_node = 2.0 * _by_node(conductance, links, nodes) + radiating
-    return float(np.max(from_node / found["capacitance"]))
-
-
-def _rates(found: Mapping[str, Any]) -> np.ndarray:
-    """Return how fast each node goes to what surrounds it [1/s], shape (node,)."""
-    nodes = [str(node) for node in np.atleast_1d(found["nodes"])]
-    conductance = 1.0 / np.atleast_1d(found["resistance"])
-    return _by_node(conductance, links_of(found), nodes) / np.atleast_1d(found["capacitance"])
-
-
-def _by_node(
-    conductance: np.ndarray, links: Sequence[tuple[str, ...]], nodes: Sequence[str]
-) -> np.ndarray:
-    return np.array([
-        sum(g for g, link in zip(conductance, links, strict=True) if node in link)
-        for node in nodes
-    ])  # fmt: skip
-
-
-def links_of(found: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    """Return both ends of each link, in the order of the resistances."""
-    return [tuple(map(str, link)) for link in np.reshape(found["links"], (-1, 2))]
 
 
 def _limit(factor: float, values: Any, rated: float) -> str:

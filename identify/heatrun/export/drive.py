@@ -15,7 +15,7 @@ from ..record.motor import LIMIT_DEGC
 from ..results.values import known
 from ..runs.run import as_utf8
 from ..version import __version__
-from .c_file import in_comment
+from .laws import in_comment
 from .simpler import COLD, Simpler, TestedRun, figures
 
 SHEET, PARAMETERS = "drive.md", "drive.toml"
@@ -54,11 +54,7 @@ MEANINGS = {
 
 
 def export_drive(
-    run: Path,
-    *,
-    folder: Path | None = None,
-    network: str | None = None,
-    is_replacing: bool = False,
+    run: Path, *, folder: Path | None = None, network: str | None = None, is_replacing: bool = False
 ) -> dict[str, Any]:
     """Write the parameters of a drive's motor protection.
 

@@ -21,8 +21,8 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from ..version import __version__
-from .c_file import HEADER, INPUTS, SOURCE, CSource, filled_template, in_comment, parts_of
-from .parameters import Entry, unique
+from .c_file import HEADER, SOURCE, CSource, filled_template
+from .laws import INPUTS, Entry, in_comment, parts_of, unique
 
 NAME = "thermal_network"
 

@@ -24,7 +24,7 @@ from ..record.motor import Motor
 from ..record.record import Finding
 from ..record.samples import BLOCK_S, integral
 from ..version import __version__
-from .network_course import simulate_network, simulate_variables
+from .network_course import NetworkCourse, simulate_network, simulate_variables
 from .network_file import SCRIPT as NETWORK_SCRIPT
 from .network_file import UNITS as NETWORK_UNITS
 from .network_file import corrected_network, network_variables, refuse_unknown
@@ -68,15 +68,6 @@ Variables = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Simulated:
-    """What the variables of a file give, at the samples."""
-
-    # Temperature of the node that the winding's sensor sits in [degC], shape (time,).
-    winding: np.ndarray
-    reading: np.ndarray  # What the sensor of the run would read [degC], shape (time,).
-
-
-@dataclass(frozen=True)
 class Contents:
     """A MAT file with its scripts."""
 
@@ -88,7 +79,8 @@ class Contents:
     variables: Callable[[RunAndTest], tuple[Variables, tuple[str, ...]]]
     # Gives the variables with the corrections of the run and what the shaft does.
     corrected: Callable[[Variables, Corrections, Shaft], Variables]
-    simulated: Callable[[Variables, Corrections], Simulated]  # What `lptn` makes of the variables.
+    # What `lptn` makes of the variables.
+    simulated: Callable[[Variables, Corrections], NetworkCourse]
 
 
 def contents_of(found: RunAndTest) -> Contents:
@@ -128,11 +120,6 @@ def _of_thesis(found: RunAndTest) -> tuple[Variables, tuple[str, ...]]:
     return thesis_variables(found.record, found.values, found.motor, found.model.name)
 
 
-def _simulated_thesis(variables: Variables, corrections: Corrections) -> Simulated:
-    winding = simulate_variables(variables).winding
-    return Simulated(winding, corrections.reading(winding, variables["Te"].ravel()))
-
-
 def _of_network(found: RunAndTest) -> tuple[Variables, tuple[str, ...]]:
     return network_variables(
         found.record,
@@ -144,18 +131,13 @@ def _of_network(found: RunAndTest) -> tuple[Variables, tuple[str, ...]]:
     )
 
 
-def _simulated_network(variables: Variables, corrections: Corrections) -> Simulated:
-    course = simulate_network(mat_bytes(variables))  # which hold the error of the sensor
-    return Simulated(course.sensed, course.reading)
-
-
 THESIS = Contents(
     file="prova.mat",
     scripts=("run_prova.m", "build_models.m"),
     units=THESIS_UNITS,
     variables=_of_thesis,
     corrected=lambda variables, corrections, shaft: corrections.applied(variables, shaft),
-    simulated=_simulated_thesis,
+    simulated=simulate_variables,
 )
 
 NETWORK = Contents(
@@ -164,7 +146,8 @@ NETWORK = Contents(
     units=NETWORK_UNITS,
     variables=_of_network,
     corrected=corrected_network,
-    simulated=_simulated_network,
+    # its variables hold the error of the sensor
+    simulated=lambda variables, _: simulate_network(mat_bytes(variables)),
 )
 
 
@@ -331,7 +314,7 @@ def _export(
     corrected = contents.corrected(variables, corrections, shaft_of(found, corrections))
     plain = contents.simulated(variables, corrections)
     full = contents.simulated(corrected, corrections)
-    difference = float(np.max(np.abs(full.winding - plain.winding)))
+    difference = float(np.max(np.abs(full.sensed - plain.sensed)))
     findings: tuple[Finding, ...] = ()
     if is_corrected:
         variables, plain = corrected, full
@@ -357,23 +340,12 @@ def _export(
         "variables": {
             name: _describe(value, contents.units[name]) for name, value in variables.items()
         },
-        **_rmse(plain, variables["Tw_m"]),
+        "rmse_K": plain.rmse(plain.sensed),
+        "rmse_reading_K": plain.rmse(plain.reading),
         "corrections_K": difference,
         "notes": [*found.notes, *notes],
         "findings": list(findings),
     }
-
-
-def _rmse(course: Simulated, measured: np.ndarray) -> dict[str, float | None]:
-    """Return the RMSE of winding and reading to the readings of the record [K], if it has any."""
-    is_read = np.isfinite(measured.ravel())
-
-    def rmse(values: np.ndarray) -> float | None:
-        if not np.any(is_read):
-            return None
-        return float(np.sqrt(np.mean((values - measured.ravel())[is_read] ** 2)))
-
-    return {"rmse_K": rmse(course.winding), "rmse_reading_K": rmse(course.reading)}
 
 
 def _left_out(

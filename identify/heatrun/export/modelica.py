@@ -14,8 +14,8 @@ from lptn.effects.base import LOCKED
 from lptn.effects.heat_paths import STEFAN_BOLTZMANN
 
 from ..version import __version__
-from .c_file import INPUTS, CSource, filled_template, in_comment, links_of
-from .parameters import Entry, unique
+from .c_file import CSource, filled_template
+from .laws import INPUTS, Entry, in_comment, links_of, unique
 
 TYPES = {"J/K": "HeatCapacity", "K/W": "ThermalResistance", "Ohm": "Resistance", "W": "Power"}
 """Type in Modelica.Units.SI of each unit."""

@@ -6,6 +6,7 @@ Between the samples of a file it takes short steps.
 from __future__ import annotations
 
 import io
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,27 +15,24 @@ import jax.numpy as jnp
 import numpy as np
 import scipy.io
 
-from lptn import (
-    EFFECTS,
-    CopperLosses,
-    Inputs,
-    Network,
-    Sensor,
-    SpeedLoss,
-    first_order,
-    longest_step,
-    second_order,
-    simulate,
-)
+from lptn import EFFECTS, CopperLosses, Inputs, Network, Sensor, SpeedLoss, longest_step, simulate
 from lptn.effects import AbstractEffect, HeatEffect, NodeEffect
 from lptn.effects.bodies import WindingNode
 from lptn.effects.sensors import SensorGain, SensorLag, SensorPickup, TimeShift
 
 from .network_file import RPM, SIGNALS
+from .variables import Corrections
 
-SHARE_OF_LONGEST = 0.02
-"""Steps stay below this share of the longest that the method takes, about a hundredth of the
-fastest time constant: means over a step then stand for straight lines to 1e-4 of a change."""
+SHARE_OF_NETWORK = 0.005
+"""Steps stay below this share of the longest that the method takes, a fraction of a hundredth of
+the fastest time constant: means over a step then stand for straight lines, and for the laws of
+effects that bend between two samples."""
+
+SENSOR_STEP_S = 0.02
+LINES_PER_SAMPLE = 40
+"""A sensor that lags or is late reads along straight lines between the edges of the steps. So
+many to a sampling interval, and none shorter than `SENSOR_STEP_S`, keep the bend of the
+temperature at a hard step of load below 1e-3 K."""
 
 
 @dataclass(frozen=True)
@@ -80,73 +78,6 @@ class Held:
 
 
 @dataclass(frozen=True)
-class Course:
-    """Temperatures at the samples of a record."""
-
-    time: np.ndarray  # Time of the samples [s], shape (time,).
-    winding: np.ndarray  # Winding [degC], shape (time,).
-    stator: np.ndarray | None  # Stator [degC], shape (time,); None in the first order.
-
-    def rmse(self, measured: np.ndarray) -> float:
-        """Return the RMSE of the winding to readings [K]; NaN marks a sample without one.
-
-        Args:
-            measured: Readings [degC], shape (time,) or (time, 1).
-        """
-        error = (self.winding - measured.ravel())[np.isfinite(measured.ravel())]
-        return float(np.sqrt(np.mean(error**2)))
-
-
-def simulate_variables(variables: Mapping[str, np.ndarray]) -> Course:
-    """Simulate the variables of `prova.mat` at the samples of the record.
-
-    The squared current, the losses and the sink run straight from sample to sample; an interval
-    that is long for the network is split.
-
-    Args:
-        variables: As `thesis_variables`; without `Ceqsr` it is the first order.
-
-    Valid for: `Pd` the measured total of the losses.
-    """
-    p = {name: float(value[0, 0]) for name, value in variables.items() if value.size == 1}
-    is_second = "Ceqsr" in p
-    if is_second:
-        network = second_order(p["Ceqw"], p["Ceqsr"], p["Reqw"], p["Reqsr"])
-        start = {"winding": p["Two"], "stator": p["Tso"]}
-    else:
-        network = first_order(p["Ceqw"], p["Reqw"])
-        start = {"winding": p["Two"]}
-    losses = CopperLosses(
-        # the copper loss only enters the second order; its file always has Rrif
-        Rs0=jnp.asarray(p.get("Rrif", 0.0)),
-        reference_temperature=p["Trif"],
-        coefficient=p["B"],
-        phases=1,  # Rrif is the resistance of all phases
-    )
-    time = variables["t"].ravel()
-    grid = Grid.of(time, SHARE_OF_LONGEST * float(longest_step(network)))
-    inputs = Inputs(
-        step=jnp.asarray(grid.step),
-        current_squared=grid.mean(variables["Is"] ** 2),
-        losses=grid.mean(variables["Pd"]),
-        ambient=grid.mean(variables["Te"]),
-    )
-    trace = simulate(network, losses, inputs, start)
-    at_samples = {node: np.asarray(T)[grid.first] for node, T in trace.temperature.items()}
-    return Course(time, at_samples["winding"], at_samples.get("stator"))
-
-
-SHARE_OF_NETWORK = 0.005
-"""Likewise for the script, finer: laws of effects bend between two samples as well."""
-
-SENSOR_STEP_S = 0.02
-LINES_PER_SAMPLE = 40
-"""A sensor that lags or is late reads along straight lines between the edges of the steps. So
-many to a sampling interval, and none shorter than `SENSOR_STEP_S`, keep the bend of the
-temperature at a hard step of load below 1e-3 K."""
-
-
-@dataclass(frozen=True)
 class NetworkCourse:
     """Temperatures at the samples of a record."""
 
@@ -158,6 +89,48 @@ class NetworkCourse:
     # Readings of the record [degC], shape (time,); NaN where nothing was read.
     measured: np.ndarray
 
+    def rmse(self, values: np.ndarray) -> float | None:
+        """Return the RMSE of a course [degC] to the readings [K], None without any."""
+        error = (values - self.measured)[np.isfinite(self.measured)]
+        return float(np.sqrt(np.mean(error**2))) if error.size else None
+
+
+def simulate_variables(
+    variables: Mapping[str, np.ndarray], corrections: Corrections | None = None
+) -> NetworkCourse:
+    """Simulate the variables of `prova.mat` at the samples of the record, as `simulate_network`.
+
+    Args:
+        variables: As `thesis_variables`; without `Ceqsr` it is the first order.
+        corrections: Errors of the sensor, for which the file has no variables; None for none.
+
+    Valid for: `Pd` the measured total of the losses.
+    """
+    p = {name: float(value[0, 0]) for name, value in variables.items() if value.size == 1}
+    sensor, is_second = corrections or Corrections(), "Ceqsr" in p
+    nodes = ["winding", "stator"] if is_second else ["winding"]
+    return _simulated({
+        "nodes": nodes,
+        "links": list(itertools.pairwise([*nodes, "ambient"])),
+        "capacitance": [p[name] for name in ("Ceqw", "Ceqsr") if name in p],
+        "resistance": [p[name] for name in ("Reqw", "Reqsr") if name in p],
+        "share": [0.0, 1.0] if is_second else [1.0],
+        "start": [p[name] for name in ("Two", "Tso") if name in p],
+        "copper_node": "winding",
+        "sink": "ambient",
+        "sensor": {"node": "winding", "gain": sensor.sensor_gain, "offset": sensor.sensor_offset},
+        "effects": [],
+        "losses": "balance",
+        # the copper loss only enters the second order; its file always has Rrif, of all phases
+        "Rs0": p.get("Rrif", 0.0),
+        "phases": 1,
+        "Tref": p["Trif"],
+        "B": p["B"],
+        "rated_speed_rpm": 1.0,
+        "rated_current_A": 1.0,
+        **{name: variables[name].ravel() for name in ("t", "Is", "Pd", "Te", "Tw_m")},
+    })  # fmt: skip
+
 
 def simulate_network(content: bytes) -> NetworkCourse:
     """Simulate the variables of `network.mat` at the samples of the record.
@@ -168,15 +141,16 @@ def simulate_network(content: bytes) -> NetworkCourse:
     Args:
         content: The bytes of the file.
     """
-    found = read_network(content)
+    return _simulated(read_network(content))
+
+
+def _simulated(found: Mapping[str, Any]) -> NetworkCourse:
     network, start = _network(found)
     effects = [_effect(each) for each in np.atleast_1d(found["effects"])]
     time = np.atleast_1d(found["t"]) - found["t"][0]
     grid = Grid.of(time, _longest(network, effects, time))
     sensor = Sensor(
-        node=found["sensor"]["node"],
-        gain=found["sensor"]["gain"],
-        offset=found["sensor"]["offset"],
+        node=found["sensor"]["node"], gain=found["sensor"]["gain"], offset=found["sensor"]["offset"]
     )
     trace = simulate(network, _losses(found), _inputs(found, grid), start, effects=effects,
                      sensor=sensor)  # fmt: skip

@@ -318,7 +318,7 @@ def _with_winding(record: Record) -> Record:
     if "winding_degC" in record:
         return record
     nothing = np.full(record.time_s.size, np.nan)
-    return replace(record, channels={**record.channels, "winding_degC": nothing})
+    return record.having({"winding_degC": nothing})
 
 
 def shaft_of(found: RunAndTest, corrections: Corrections) -> Shaft:

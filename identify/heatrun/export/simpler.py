@@ -30,7 +30,8 @@ from ..results.model import DerivedFigure
 from ..runs.machine import Tested, tested
 from ..runs.replica import Followed, Nearest, nearest
 from ..runs.run import Run, open_run
-from .c_file import filled_template, in_comment
+from .c_file import filled_template
+from .laws import in_comment
 from .mat import write_export
 from .rerun import read_test_of_run
 

@@ -24,27 +24,17 @@ import numpy as np
 from ..errors import InputError
 from ..io.whole_files import numbered
 from ..runs.run import Run, open_run
-from .c_file import (
-    HARNESS,
-    LAWS,
-    MOST_BYTES,
-    OBSERVER_VECTORS,
-    SOURCE,
-    STEP_S,
-    VECTORS,
-    CSource,
-    lacking_laws,
-    refuse_lawless,
-)
+from .c_file import HARNESS, MOST_BYTES, OBSERVER_VECTORS, SOURCE, STEP_S, VECTORS, CSource
 from .fmu import compiled, fmu_files
+from .laws import LAWS, Entry, entries, lacking_laws, refuse_lawless
 from .mat import NETWORK, mat_bytes, write_export, zipped
 from .missed import Missed, names_of_laws
 from .modelica import modelica
 from .network_course import read_network
 from .network_file import SIGNALS
-from .parameters import Entry, entries
 from .rerun import RunAndTest, as_replica, effects_of, of_no_test, read_run_test, shaft_of
 from .variables import Corrections
+from .vectors import observer_courses, readings, vectors
 
 
 class Sourced(NamedTuple):
@@ -95,7 +85,7 @@ def export_source(
     """
     read = read_source(run, test, network, is_replica, step)
     source, parameters, found = read.source, read.parameters, read.found
-    notes, further, vectors = [*found.notes, *read.notes], {}, source.vectors(found.record.name)
+    notes, further, of_test = [*found.notes, *read.notes], {}, vectors(source, found.record.name)
     if to == "fmu":
         files = fmu_files(source, parameters)
         binaries, why_none = compiled(files)
@@ -112,14 +102,14 @@ def export_source(
                 for e in parameters if e.interval_95]  # fmt: skip
         content, further = source.texts(said), {"has_observer": source.has_observer}
         if source.has_observer:
-            courses = {OBSERVER_VECTORS: source.observer_courses(found.record.name)}
+            courses = {OBSERVER_VECTORS: observer_courses(source, found.record.name)}
             observed, why_none = with_outputs({**content, **courses})
             content, notes = {**content, OBSERVER_VECTORS: observed}, [*notes, *why_none]
             notes += source.not_by_resistance
         else:
             notes.append(f"There is no observer: its state would have {source.state_bytes} bytes "
                          f"with {source.num_states} states (limit {MOST_BYTES}).")  # fmt: skip
-    content[VECTORS] = vectors
+    content[VECTORS] = of_test
     places = [folder] if folder else numbered(run / to)
     written = write_export(places, content, found.inputs, is_replacing=is_replacing)
     return {
@@ -312,7 +302,7 @@ def without_false_alarms(
         source: With an observer.
         tests: Variables of `network.mat` by test that the run was calibrated on.
     """
-    courses = [replace(source, of_run={**source.of_run, **own}).readings()
+    courses = [readings(replace(source, of_run={**source.of_run, **own}))
                for own in tests.values()]  # fmt: skip
 
     def played(more: float) -> tuple[CSource, int]:

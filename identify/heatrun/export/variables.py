@@ -72,10 +72,6 @@ class Corrections:
         """Whether the mechanical power is corrected."""
         return self.shaft_power_gain != 0.0 or self.shaft_power_offset != 0.0
 
-    def reading(self, winding: np.ndarray, sink: np.ndarray) -> np.ndarray:
-        """Return what the sensor reads [degC] of a winding [degC] above a true sink [degC]."""
-        return winding + self.sensor_gain * (winding - sink) + self.sensor_offset
-
     def applied(self, variables: Mapping[str, np.ndarray], shaft: Shaft) -> dict[str, np.ndarray]:
         """Return the variables with current, losses, sink and timing as the run has them.
 

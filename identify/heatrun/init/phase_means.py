@@ -16,7 +16,8 @@ import numpy as np
 
 from ..errors import InputError
 from ..readers.channel_map import map_columns
-from ..record.channels import APART_K, APART_SHARE, CHANNEL, Columns
+from ..record.channels import CHANNEL, Columns
+from ..record.several import APART_K, APART_SHARE
 from ..record.table import Column, Table
 from .free_columns import NUM_SAMPLES, FreeColumn, Proposal, in_its_unit, samples_of
 

@@ -256,7 +256,7 @@ def reduce_driven(record: Record, motor: Motor) -> Blocks:
     if "winding_degC" in record and np.any(np.isfinite(record["winding_degC"])):
         return reduce(record, motor)
     sink = record[f"{motor.sink}_degC"]
-    blocks = reduce(replace(record, channels={**record.channels, "winding_degC": sink}), motor)
+    blocks = reduce(record.having({"winding_degC": sink}), motor)
     nothing = np.zeros_like(blocks.count)
     return replace(blocks, measured=np.full_like(blocks.measured, np.nan), count=nothing)
 

@@ -13,10 +13,11 @@ import numpy as np
 from ..errors import InputError
 from ..io.quantities import aligned, as_printed
 from ..record.by_resistance import by_resistance
-from ..record.channels import CHANNEL, Channel, combine, known_by, sensors_differ
+from ..record.channels import CHANNEL, Channel
 from ..record.derive import constants_of, formulas
 from ..record.header import read_heading
 from ..record.record import ColumnReading, Finding, Record, UnitSource
+from ..record.several import combine, known_by, sensors_differ
 from ..record.table import Column, Stated
 from ..record.units import (
     AMPERE,
@@ -324,7 +325,7 @@ class MappedColumns:
     ) -> None:
         """Take several columns for the channel `name`, each of them taken alone before.
 
-        `text` is what `[columns]` says, `how` as `heatrun.record.channels.combine`.
+        `text` is what `[columns]` says, `how` as `heatrun.record.several.combine`.
         """
         readings = [reading for one in each for reading in one.readings]
         values = [one.channels[name] for one in each]

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -154,19 +153,23 @@ def own_errors(record: Record, motor: Motor) -> tuple[Told, ...]:
     return tuple(each for each in told if not prior_of(motor, each.name, 0.0).is_fixed)
 
 
+def with_shaft(record: Record, motor: Motor) -> Record:
+    """Return a record of a balance with what it tells of the mechanical power as a channel, itself
+    where that is nothing.
+    """
+    shaft = recorded_shaft_power(record.channels) if motor.losses == "balance" else None
+    return record if shaft is None else record.having({"mechanical_power_W": shaft})
+
+
 def told_by_inputs(record: Record, motor: Motor) -> tuple[Told, ...]:
     """Return the errors of the balance that contradict their priors; no winding reading is used.
 
     Needs current, speed, losses from a balance, torque or mechanical power.
     """
-    shaft = recorded_shaft_power(record.channels) if motor.losses == "balance" else None
-    if shaft is None:
-        return ()
-    channels = {**record.channels, "mechanical_power_W": np.asarray(shaft, dtype=float)}
-    record = replace(record, channels=channels)
+    whole = with_shaft(record, motor)
     names = ("phase_current_A", "speed_rpm", "losses_W", "mechanical_power_W")
-    time_s, current, speed, losses, power = samples(record, *names)
-    if time_s.size < 2:
+    time_s, current, speed, losses, power = samples(whole, *names)
+    if whole is record or time_s.size < 2:
         return ()
     speed = speed * RAD_PER_S_PER_RPM
     _, *means = block_means(time_s, BLOCK_S, current**2, np.abs(speed), losses, power, speed)
@@ -178,7 +181,7 @@ def told_by_inputs(record: Record, motor: Motor) -> tuple[Told, ...]:
         "torque_offset": SHAFT_OFFSET_SHARE * largest_W / fastest,
     }
     found: dict[str, Told] = {}
-    for told in (*_by_direction(*means), *_at_rest(record, motor)):
+    for told in (*_by_direction(*means), *_at_rest(whole, motor)):
         prior = prior_of(motor, told.name, usual[told.name])
         allowed = BEYOND * (usual[told.name] if prior.is_fixed else prior.sd)
         is_scale = told.name != "shaft_power_gain" or abs(told.mean) < LARGEST_GAIN
@@ -298,19 +301,16 @@ def excess_of_shaft(record: Record, motor: Motor) -> float | None:
     Losses of a machine go with the square of its current; what goes with the power itself is of
     torque and electrical power on two scales.
     """
-    shaft = recorded_shaft_power(record.channels) if motor.losses == "balance" else None
-    if shaft is None or any(one.channel == "losses_W" for one in record.mapping):
+    whole = with_shaft(record, motor)
+    if whole is record or any(one.channel == "losses_W" for one in record.mapping):
         return None
-    channels = {**record.channels, "mechanical_power_W": np.abs(np.asarray(shaft, dtype=float))}
     names = ("phase_current_A", "speed_rpm", "losses_W", "mechanical_power_W", "winding_degC")
-    time_s, current, speed, losses, power, winding = samples(
-        replace(record, channels=channels), *names
-    )
+    time_s, current, speed, losses, power, winding = samples(whole, *names)
     if time_s.size < 2:
         return None
     squared = current**2 * (motor.resistance_coefficient_degC + winding)
     _, squared, speed, losses, power = block_means(
-        time_s, BLOCK_S, squared, np.abs(speed), losses, power
+        time_s, BLOCK_S, squared, np.abs(speed), losses, np.abs(power)
     )
     known = np.stack([np.ones(speed.size), squared, speed, speed**2], axis=1)
     told = told_beside(known, power, losses)

@@ -44,38 +44,10 @@ class Logger(NamedTuple):
     sensor: str  # Column of the file that holds the readings; empty where it is not known.
 
 
-@dataclass(frozen=True)
-class Body:
-    """Readings of a body beside the winding, reduced to the same blocks."""
+@dataclass(frozen=True, kw_only=True)
+class Readings:
+    """Readings of a sensor, reduced to blocks, each a row."""
 
-    channel: str  # Its channel, such as `"stator_degC"`.
-    measured: Float[np.ndarray, " block"]  # As `Blocks.measured`.
-    weight: Float[np.ndarray, "block step"]  # As `Blocks.weight`.
-    position: Float[np.ndarray, "block step"]  # As `Blocks.position`.
-    count: Float[np.ndarray, " block"]  # As `Blocks.count`.
-    time: Float[np.ndarray, " block"]  # As `Blocks.time`.
-    rounding_K: float  # As `Blocks.rounding_K`.
-    start_degC: float  # Mean of its first readings [degC].
-    sensor: str  # As `Blocks.sensor`.
-
-    @property
-    def is_observed(self) -> np.ndarray:
-        """Which blocks hold a reading, shape (block,)."""
-        return self.count > 0
-
-
-@dataclass(frozen=True)
-class Blocks:
-    """A record, reduced.
-
-    With `with_bodies`, the rows of further sensors follow those of the winding: then `row` below
-    stands for the blocks of the winding, and then of each body in turn.
-    """
-
-    name: str  # Name of the test.
-    # Means over the steps, all of one length, by the names of `lptn.Inputs`; shape (step,). What
-    # was not recorded is not among them.
-    means: Mapping[str, Float[np.ndarray, "..."]]
     # Mean of the readings of each block [degC], shape (row,); NaN without any.
     measured: Float[np.ndarray, " row"]
     # Share of each step in the mean of its block [1], shape (row, step per block); the same for
@@ -86,13 +58,39 @@ class Blocks:
     position: Float[np.ndarray, "row step"]
     count: Float[np.ndarray, " row"]  # Readings per block, shape (row,).
     time: Float[np.ndarray, " row"]  # Mean time of the readings of each block [s], shape (row,).
-    block_s: float  # Length of a block [s].
     rounding_K: float  # Resolution of the readings [K]; 0 if none is seen.
-    start_degC: float  # Mean reading over the first block's first few seconds [degC].
+    start_degC: float  # Mean of the first few readings, or where the first block begins [degC].
+    sensor: str = ""  # Column of the file that holds the readings; empty where it is not known.
+
+    @property
+    def is_observed(self) -> np.ndarray:
+        """Which rows hold a reading, shape (row,)."""
+        return self.count > 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Body(Readings):
+    """Readings of a body beside the winding, reduced to the same blocks."""
+
+    channel: str  # Its channel, such as `"stator_degC"`.
+
+
+@dataclass(frozen=True, kw_only=True)
+class Blocks(Readings):
+    """A record, reduced.
+
+    With `with_bodies`, the rows of further sensors follow those of the winding: then `row` stands
+    for the blocks of the winding, and then of each body in turn.
+    """
+
+    name: str  # Name of the test.
+    # Means over the steps, all of one length, by the names of `lptn.Inputs`; shape (step,). What
+    # was not recorded is not among them.
+    means: Mapping[str, Float[np.ndarray, "..."]]
+    block_s: float  # Length of a block [s].
     sample_s: float  # Median sampling period [s].
     bodies: tuple[Body, ...] = ()  # Readings of other bodies than the winding.
     fitted: tuple[str, ...] = ()  # Channels of those whose rows follow the winding's.
-    sensor: str = ""  # Column of the file that holds the readings; empty where it is not known.
     first_s: float = 0.0  # Time on the record's own axis at which the grid begins [s].
     # Whether the phase current was recorded or stated; if not, it enters as 0.
     has_current: bool = True
@@ -152,11 +150,6 @@ class Blocks:
     def num_blocks(self) -> int:
         """Number of blocks of one sensor."""
         return self.weight.shape[0] // (1 + len(self.fitted))
-
-    @property
-    def is_observed(self) -> np.ndarray:
-        """Which rows hold a reading, shape (row,)."""
-        return self.count > 0
 
     def by_sensor(self, rows: Float[np.ndarray, "row ..."]) -> list[np.ndarray]:
         """Split rows into those of the winding and of each fitted body."""

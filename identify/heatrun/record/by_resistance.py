@@ -9,7 +9,6 @@ voltage over current, $R_l$ the leads in it and $R_0$ the same winding at the re
 from __future__ import annotations
 
 from collections.abc import Container
-from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
@@ -84,8 +83,7 @@ def with_winding(record: Record, motor: Motor) -> Record:
     masks = record.masks
     if "winding_resistance_ohm" not in record:
         masks = (*masks, *windows(record.time_s, ~np.isfinite(ohm)))
-    channels = {**record.channels, "winding_degC": winding}
-    return replace(record, channels=channels, notes=(*record.notes, note), masks=masks)
+    return record.having({"winding_degC": winding}, note, masks=masks)
 
 
 def tells_winding(channels: Container[str]) -> bool:

@@ -1,8 +1,10 @@
 """A bench test in memory: canonical channels on one time axis, and what was found about it."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
 import numpy as np
 from msgspec import UNSET, UnsetType
@@ -94,6 +96,18 @@ class Record:
 
     def __contains__(self, channel: str) -> bool:
         return channel in self.channels
+
+    def having(self, channels: Mapping[str, np.ndarray], note: str = "", **changes: Any) -> Record:
+        """Return the record with channels beside its own, or in their place, a note on that, and
+        other fields that change.
+        """
+        notes = (*self.notes, note) if note else self.notes
+        return replace(self, channels={**self.channels, **channels}, notes=notes, **changes)
+
+    def without(self, *names: str) -> Record:
+        """Return the record without some channels."""
+        kept = {name: values for name, values in self.channels.items() if name not in names}
+        return replace(self, channels=kept)
 
     def read_of(self, channel: str) -> ColumnReading | None:
         """Return how a channel was read, None if it was not, or that is not known."""

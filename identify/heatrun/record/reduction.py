@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
 from ..errors import InputError
 from .balance_errors import own_errors
-from .blocks import Blocks, Body
+from .blocks import Blocks, Body, Readings
 from .by_resistance import sensor_sd
 from .channels import BODIES
 from .derive import recorded_shaft_power
@@ -79,19 +79,13 @@ def reduce(
 
     means, notes = _means(record, motor, edges, step)
     winding, at_s, reading = _body(record, "winding_degC", edges, shape)
+    of_winding = {each.name: getattr(winding, each.name) for each in fields(Readings)}
     bodies = (body for body in BODIES if body in record and np.isfinite(record[body]).any())
     return Blocks(
         name=record.name,
         means=means,
-        measured=winding.measured,
-        weight=winding.weight,
-        position=winding.position,
-        count=winding.count,
-        time=winding.time,
+        **(of_winding | {"start_degC": _start(at_s, reading, step * steps_per_block)}),
         block_s=step * steps_per_block,
-        rounding_K=winding.rounding_K,
-        start_degC=_start(at_s, reading, step * steps_per_block),
-        sensor=winding.sensor,
         sample_s=sample_s,
         bodies=tuple(_body(record, body, edges, shape)[0] for body in bodies),
         first_s=float(time[0]),

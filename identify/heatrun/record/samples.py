@@ -8,7 +8,6 @@ The step that a channel was rounded to is read off its samples too.
 """
 
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -150,7 +149,7 @@ def with_all_heat(record: Record, motor: Motor) -> Record:
         return record
     with np.errstate(over="ignore", invalid="ignore"):
         total = losses + motor.phases * (motor.phase_resistance_ohm or 1.0) * current**2
-    return replace(record, channels={**record.channels, "losses_W": total})
+    return record.having({"losses_W": total})
 
 
 def is_loaded(losses_W: np.ndarray) -> np.ndarray:
@@ -363,7 +362,7 @@ def without_pickup(record: Record, finding: Finding) -> Record:
     ratio = np.abs(record["phase_current_A"]) / (finding.values["largest_A"] or 1.0)
     law = _picked_up(ratio, finding.values["exponent"] or 0.0)
     winding = record["winding_degC"] - (finding.values["rated_K"] or 0.0) * law
-    return replace(record, channels={**record.channels, "winding_degC": winding})
+    return record.having({"winding_degC": winding})
 
 
 def _picked_up(ratio: np.ndarray, exponent: float) -> np.ndarray:

@@ -8,7 +8,7 @@ stretch keeps them, so that a finding and a figure name the same moment with and
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -134,10 +134,7 @@ def cut(record: Record, stretch: Stretch, said_by: str) -> Record:
         first_row = int(rows[0]) + 1
     channels = {name: values[kept] for name, values in record.channels.items()}
     note = f"of {kept.size} samples the {int(kept.sum())} of {stretch} are used: {said_by}"
-    return replace(
-        record, channels=channels, notes=(*record.notes, note), stretch=str(stretch),
-        first_row=first_row,
-    )  # fmt: skip
+    return record.having(channels, note, stretch=str(stretch), first_row=first_row)
 
 
 def mask(record: Record, windows: Sequence[tuple[float, float]], said_by: str) -> Record:
@@ -166,7 +163,7 @@ def mask(record: Record, windows: Sequence[tuple[float, float]], said_by: str) -
         for name, values in record.channels.items()
     }
     note = f"readings from {_spans(windows)} are not compared: {said_by}"
-    return replace(record, channels=channels, notes=(*record.notes, note), masks=masks)
+    return record.having(channels, note, masks=masks)
 
 
 def bridge(record: Record, windows: Sequence[tuple[float, float]], said_by: str) -> Record:
@@ -188,15 +185,14 @@ def bridge(record: Record, windows: Sequence[tuple[float, float]], said_by: str)
             remedy="Times are counted from the first sample of the file.",
         )
     seen = ~hidden & np.isfinite(record.time_s)
-    channels = dict(record.channels)
+    channels = {}
     for name, values in record.channels.items():
         if _is_load(name):
             known = seen & np.isfinite(values)
             if known.any():
                 straight = np.interp(record.time_s, record.time_s[known], values[known])
                 channels[name] = np.where(hidden, straight, values)
-    note = f"loads from {_spans(windows)} are interpolated: {said_by}"
-    return replace(record, channels=channels, notes=(*record.notes, note))
+    return record.having(channels, f"loads from {_spans(windows)} are interpolated: {said_by}")
 
 
 def _spans(windows: Sequence[tuple[float, float]]) -> str:
@@ -227,8 +223,7 @@ def move_load(record: Record, offset_s: float, said_by: str) -> Record:
         else values[kept]
         for name, values in record.channels.items()
     }
-    note = f"the load is moved by {offset_s:+g} s: {said_by}"
-    return replace(record, channels=channels, notes=(*record.notes, note))
+    return record.having(channels, f"the load is moved by {offset_s:+g} s: {said_by}")
 
 
 def _is_load(channel: str) -> bool:

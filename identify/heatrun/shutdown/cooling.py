@@ -200,13 +200,7 @@ class Cooling:
             "run_down": Source("losses of the run-down", "1", 0.3, 0.5, "log-normal"),
             # the end winding, which gives off a third of the heat, is cooled 2.5 times better by a
             # rotor that turns than by one that stands
-            "stirring": Source(
-                "cooling of the run-down",
-                "1",
-                0.35,
-                0.7,
-                "often none",
-            ),
+            "stirring": Source("cooling of the run-down", "1", 0.35, 0.7, "often none"),
             "losses_after": Source(
                 "losses that stay", "1", said.losses_after, said.losses_after_sd
             ),

@@ -214,8 +214,7 @@ def _read(path: Path, motor: Motor) -> Record:
     first = int(np.flatnonzero(np.isfinite(of_pair[0]))[0])
     unit = read["winding_resistance_ohm"][first] / of_pair[0, first]
     note = f"Read in turn: {', '.join(ohms)}; each by its own part of their mean."
-    channels = {**read.channels, "winding_resistance_ohm": unit * values}
-    return replace(read, channels=channels, notes=(*read.notes, note))
+    return read.having({"winding_resistance_ohm": unit * values}, note)
 
 
 def _in_turn(path: Path, names: list[str]) -> np.ndarray | None:

@@ -281,22 +281,16 @@ def _reason(first_s: float, extrapolation: float, within_K: float, latest: float
 
 
 def _limits(motor: Motor, winding: np.ndarray, rise: np.ndarray) -> tuple[Limit, ...]:
-    found = []
-    insulation = motor.insulation_class
-    if insulation is not None:
-        margin = LIMIT_DEGC[insulation] - winding
-        found.append(
-            _limit(f"class {insulation}, temperature", LIMIT_DEGC[insulation], "degC", margin)
-        )
+    permitted = []
+    if (letter := motor.insulation_class) is not None:
+        permitted.append((f"class {letter}, temperature", LIMIT_DEGC[letter], "degC", winding))
     if said := motor.permitted_rise(float(np.median(winding - rise))):
-        used, permitted = said
-        found.append(_limit(f"class {used}, rise by resistance", permitted, "K", permitted - rise))
-    return tuple(found)
-
-
-def _limit(name: str, value: float, unit: str, margin: np.ndarray) -> Limit:
-    within = float(np.mean(margin >= 0.0))
-    return Limit(name, value, unit, float(np.median(margin)), _interval(margin), within)
+        permitted.append((f"class {said[0]}, rise by resistance", said[1], "K", rise))
+    return tuple(
+        Limit(name, value, unit, float(np.median(value - seen)), _interval(value - seen),
+              float(np.mean(seen <= value)))
+        for name, value, unit, seen in permitted
+    )  # fmt: skip
 
 
 def as_content(result: ShutdownResult) -> Mapping[str, object]:
