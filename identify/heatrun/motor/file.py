@@ -3,14 +3,12 @@
 What lies outside the values that a parameter can have in any machine was mistyped, or is a test.
 The ranges are wide: from a motor of some grams to a generator of thousands of tonnes. They keep
 numbers out with which nothing can be computed, such as 1e300, and a unit that is wrong by far.
-`[tests.NAME]` stands before them, `[population]` behind.
+`[tests.NAME]` stands before them.
 """
 
 import hashlib
-import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, get_args
 
@@ -42,6 +40,7 @@ from ..record.motor import (
 from ..record.stretch import Stretch, in_order, parse_time
 from .certificate import parse_certificate
 from .keys import KEYS, UNITS
+from .population import HEAT, next_of_population
 
 MOST_CHOICES = 20
 """Right-hand sides of one channel."""
@@ -51,11 +50,7 @@ MOST_PARTS = 200
 
 
 def parse_parts(section: Mapping[str, Any], where: str) -> dict[str, PartsOfTest]:
-    """Return what `[tests.NAME]` says, by name of the test.
-
-    Args:
-        section: The parsed `[tests]`.
-        where: The motor file, for messages.
+    """Return what the `[tests.NAME]` of a motor file say, by name of the test.
 
     Raises:
         InputError: If a key is not known, or a window is no pair of times or rows in order.
@@ -89,7 +84,6 @@ def parse_parts(section: Mapping[str, Any], where: str) -> dict[str, PartsOfTest
 
 
 def _gap_load(keys: Mapping[str, Any], where: str) -> GapLoad | None:
-    """Return the load in gaps."""
     section = keys.get("gap")
     load = section.get("load") if isinstance(section, dict) else section
     if section is None or (load in get_args(GapLoad) and section == {"load": load}):
@@ -103,10 +97,6 @@ def _gap_load(keys: Mapping[str, Any], where: str) -> GapLoad | None:
 
 def parse_columns(section: Any, where: str) -> dict[str, str | tuple[str, ...]]:
     """Return `[columns]`, or that of a test.
-
-    Args:
-        section: As parsed.
-        where: The motor file and what the section is under, for messages.
 
     Raises:
         InputError: If a channel is not known, or what stands behind it is no text and no list.
@@ -203,14 +193,9 @@ LOG_WIDTHS = 10.0
 def refuse_implausible(
     name: str, said: ParameterOverride, unit: str, limits: tuple[float, float], where: str
 ) -> None:
-    """Refuse values of a motor file that no machine has.
+    """Refuse what a motor file says of a parameter that no machine has.
 
-    Args:
-        name: Of the parameter.
-        said: What the motor file says of it.
-        unit: Of the parameter.
-        limits: Lowest and highest value [unit].
-        where: The place in the motor file.
+    The limits are its lowest and highest value [its unit].
 
     Raises:
         InputError: With the range.
@@ -237,106 +222,14 @@ def refuse_implausible(
 
 
 def limits_around(centre: float, sd: float, *, is_log: bool) -> tuple[float, float]:
-    """Return the limits of an effect's parameter from its prior, which is wide already.
+    """Return the limits of an effect's parameter [its unit] from its prior, which is wide already.
 
-    Args:
-        centre: Of the prior [its unit].
-        sd: Of the prior, of the logarithm [1] or [its unit].
-        is_log: Whether the prior is one of the logarithm.
+    Its standard deviation is that of the logarithm [1] or of the parameter [its unit].
     """
     if is_log:
         reach = math.exp(min(LOG_WIDTHS * sd, 200.0))
         return centre / reach, centre * reach
     return centre - 4.0 * WIDTHS * sd, centre + 4.0 * WIDTHS * sd
-
-
-NAME = "population.json"
-"""The file of a population, in its folder."""
-
-HEAT = "unmodelled_heat"
-"""Name of the heat that a network misses, among the parameters of the noise and in `[adequacy]`."""
-
-
-@dataclass(frozen=True)
-class NextMachine:
-    """What a population says of its next machine before its first test."""
-
-    parameters: dict[str, ParameterOverride]  # Prior of each thermal parameter.
-    effects: tuple[str, ...] = ()  # Ids of the effects that its machines were calibrated with.
-    # `[adequacy]`: how much heat the network misses, empty where the machines do not tell it.
-    adequacy: Mapping[str, float] = field(default_factory=dict)
-
-
-def next_of_population(section: Mapping[str, Any], where: str) -> NextMachine:
-    """Return what is known of a machine of a known type; nothing where no type is given.
-
-    Each parameter has its own: correlations over the machines are left aside, and covariates are at
-    their mean over the machines.
-
-    Args:
-        section: `[population]`.
-        where: The motor file; a folder is sought from where it is.
-
-    Raises:
-        InputError: If there is no population where it says.
-    """
-    if not section:
-        return NextMachine({})
-    at = f"{where}, [population]"
-    folder = Path(where).parent / text_of(section, "run", at)
-    return read_next_machine(folder, at)
-
-
-def read_next_machine(folder: Path, where: str) -> NextMachine:
-    """Return what a population says of its next machine before its first test.
-
-    Raises:
-        InputError: If there is no such file, or it is not one that heatrun wrote.
-    """
-    path = folder / NAME if folder.is_dir() else folder
-    remedy = "Give the folder that `heatrun population` wrote."
-    try:
-        content = json.loads(path.read_bytes())
-        found = {name: _prior(said) for name, said in content["parameters"].items()}
-        noise = (content.get("noise") or {}).get("parameters", {}).get(HEAT)
-        heat = None if noise is None else _positive(noise["next_median"])
-        if not found:
-            raise ValueError
-    except OSError as error:
-        types = sorted(each.parent.name for each in folder.glob(f"*/{NAME}"))
-        raise InputError(
-            f"Expected a population, found no readable {path} ({error.strerror}).",
-            where=where,
-            remedy=f"Name one of the types in it: {', '.join(types)[:200]}." if types else remedy,
-        ) from None
-    except (ValueError, KeyError, TypeError, AttributeError, OverflowError):
-        raise InputError(
-            "Expected a population as heatrun writes it, with positive medians and widths of the "
-            f"parameters, got another content in {path}.",
-            where=where,
-            remedy=remedy,
-        ) from None
-    effects = dict.fromkeys(name.partition(".")[0] for name in found if "." in name)
-    # as far as a motor file may say it: the tail of a law may reach beyond
-    told = {} if heat is None else {HEAT: min(max(heat, HEAT_LIMITS[0]), HEAT_LIMITS[1])}
-    return NextMachine(found, tuple(effects), told)
-
-
-def _prior(said: dict[str, Any]) -> ParameterOverride:
-    if said.get("transform", "log") == "linear":
-        centre = float(said["next_median"])
-        if not math.isfinite(centre):
-            raise ValueError
-        return ParameterOverride(value=centre, sd=_positive(said["next_sd"]))
-    width = _positive(math.expm1(float(said["next_log_sd"])))
-    return ParameterOverride(value=_positive(said["next_median"]), relative_sd=width)
-
-
-def _positive(said: Any) -> float:
-    number = float(said)
-    if not 0.0 < number < math.inf:
-        raise ValueError
-    return number
 
 
 PLAIN = ("motor", "winding", "vehicle", "adequacy", "population", "shutdown", "scales")
