@@ -221,11 +221,7 @@ def digest_of(stream: BinaryIO) -> str:
 
 
 def unzip(data: bytes, where: str) -> bytes:
-    """Return the content of a gzip file.
-
-    Args:
-        data: Its bytes; several members may follow each other.
-        where: The file, for messages.
+    """Return the content of a gzip file, in which several members may follow each other.
 
     Raises:
         InputError: If it is damaged or cut, or holds more than `LARGEST_BYTES`.

@@ -152,17 +152,11 @@ def without_bad(
     lines: np.ndarray | None = None,
     is_ordered: bool = True,
 ) -> tuple[dict[int, np.ndarray], frozenset[int], list[Finding]]:
-    """Leave out the readings of a file that it does not mark as good.
+    """Leave out the readings of a file, of which all variables are given, that are not good.
 
-    Args:
-        variables: All of the file.
-        where: The file, for messages.
-        lines: Numbers of the lines of a text table, shape (time,); else rows are counted from 1.
-        is_ordered: A variable of marks stands behind the one that it marks.
-
-    Returns:
-        The values of those variables that lose readings, NaN there; which variables are marks;
-        the findings.
+    Where variables are ordered, one of marks stands behind the one that it marks. Messages count
+    the lines of a text table by their numbers, shape (time,), else rows from 1. What comes back are
+    the values of those that lose readings, NaN there, which variables are marks, and the findings.
     """
     found = {i: bad for i, one in enumerate(variables) if (bad := _not_good(one)) is not None}
     kept: dict[int, np.ndarray] = {}
