@@ -141,19 +141,14 @@ def _stretches(keys: Mapping[str, Any], key: str, where: str) -> tuple[Stretch, 
 
 def _end(value: Any, key: str, where: str) -> float:
     """Return one end of a window, a time [s] or a row."""
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if key == "use_rows":
-        kind = "a whole number from 1"
-        if is_number and isinstance(value, int) and 1 <= value < 10**15:
-            return float(value)
-    else:
-        kind = "seconds from 0, or a text such as '90 min'"
-        if is_number and 0 <= value <= 1e12:
-            return float(value)
-        if isinstance(value, str) and value.strip():
-            return parse_time(
-                value, where, "Rows stand under use_rows, as numbers: use_rows = [[1, 5000]]."
-            )
+    is_row = key == "use_rows"
+    is_number = isinstance(value, int if is_row else int | float) and not isinstance(value, bool)
+    if is_number and (1 <= value < 10**15 if is_row else 0 <= value <= 1e12):
+        return float(value)
+    if not is_row and isinstance(value, str) and value.strip():
+        rows = "Rows stand under use_rows, as numbers: use_rows = [[1, 5000]]."
+        return parse_time(value, where, rows)
+    kind = "a whole number from 1" if is_row else "seconds from 0, or a text such as '90 min'"
     raise InputError(
         f"Expected {kind} for an end of {key}, got {str(value)[:80]!r}.",
         where=where,

@@ -10,6 +10,7 @@ invalidates.
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -187,6 +188,28 @@ def without_bad(
             mark = printable(str(cells[is_told].iloc[0])[:LONGEST_MARK])
             findings.append(_marks(names[place], mark, is_told, lost, where, lines))
     return kept, frozenset(found), findings
+
+
+def columns_without_bad(
+    held: Sequence[tuple[str, Any, Column | None]], where: str, lines: np.ndarray | None = None
+) -> tuple[list[Column], list[Finding]]:
+    """Return the columns of a table without the readings that are not good; as `without_bad`.
+
+    Of each are given its name, its cells and, of numbers, what they were read as.
+    """
+    first = next((column for *_, column in held if column is not None), None)
+    variables = [
+        Variable(name, cells)
+        if column is None
+        else Variable(name, cells, column.values, is_time(column, is_first=column is first))
+        for name, cells, column in held
+    ]
+    kept, _, findings = without_bad(variables, where, lines=lines)
+    return [
+        replace(column, values=kept.get(i, column.values))
+        for i, (*_, column) in enumerate(held)
+        if column is not None
+    ], findings
 
 
 def _marks(

@@ -9,7 +9,7 @@ import io
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from ..record.header import split_name
 from ..record.table import Column, Question, Stated, Table
 from ..record.units import find_unit, is_unit, quantities_of
 from .foreign import library, reading
-from .historian import LONGEST_MARK, Variable, by_tag, is_time, without_bad
+from .historian import LONGEST_MARK, by_tag, columns_without_bad
 from .text.values import counted_times
 
 UNIT_KEYS = ("units", "unit", "unit_string", "ni_unitdescription", "unit_description")
@@ -260,7 +260,7 @@ def read_parquet(data: bytes, where: str) -> Table:
     library("pyarrow.parquet", "Parquet", where)
     with reading("a Parquet table", where):
         table, texts = _read_fields(data)
-        columns, variables, cells = [], [], {}
+        held, cells = [], {}
         by_column = _units_of_frame(table.schema)
         for field, chunks in zip(table.schema, table.columns, strict=True):
             # pandas' unnamed index of times
@@ -270,7 +270,7 @@ def read_parquet(data: bytes, where: str) -> Table:
             if values is None:
                 texts[name] = f"{field.type}"
                 cells[name] = chunks.to_pandas().rename(name)
-                variables.append(Variable(name, cells[name]))
+                held.append((name, cells[name], None))
                 continue
             if note:
                 start = note.rpartition("seconds from ")[2]
@@ -278,15 +278,8 @@ def read_parquet(data: bytes, where: str) -> Table:
             else:
                 stored = as_stated(values, _attributes(field, by_column.get(field.name)))
                 column = stored.column(name, stored.values, "the field's metadata")
-            is_clock = is_time(column, is_first=not columns)
-            variables.append(Variable(name, values, column.values, is_clock))
-            columns.append(column)
-        kept, _, findings = without_bad(variables, where)
-        places = [place for place, one in enumerate(variables) if one.values is not None]
-        columns = [
-            replace(column, values=kept.get(place, column.values))
-            for place, column in zip(places, columns, strict=True)
-        ]
+            held.append((name, values, column))
+        columns, findings = columns_without_bad(held, where)
         columns += _range_index(table.schema, table.num_rows)
     if not columns or table.num_rows == 0:
         raise InputError(

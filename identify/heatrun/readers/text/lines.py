@@ -195,7 +195,7 @@ MOST_FOOTERS = 10  # lines of words below a table; more of them are a first colu
 
 MOST_RESTARTS = 8  # parts of more of them are not written out
 
-NUM_NAMED = 5  # so many line numbers stand in a message
+NUM_NAMED = 5  # so many line numbers or spans of time stand in a message
 
 
 @dataclass(frozen=True)
