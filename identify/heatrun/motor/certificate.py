@@ -25,8 +25,8 @@ from .keys import KEYS
 NAME, LINES, PARAGRAPH = 120, 200, 500
 """Most letters of a name, of an address and of remarks: what page 1 has room for."""
 
-LONGER = dict.fromkeys(("laboratory_address", "customer_address", "condition", "bench"), LINES)
-LONGER["remarks"] = PARAGRAPH
+OF_LINES = ("laboratory_address", "customer_address", "condition", "bench")
+LONGER: dict[str, int] = {**dict.fromkeys(OF_LINES, LINES), "remarks": PARAGRAPH}
 """Texts of more letters than a name has."""
 
 DATES = ("received", "test_from", "test_until", "issue_date")
