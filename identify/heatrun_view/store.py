@@ -23,9 +23,9 @@ from heatrun.errors import InputError
 from heatrun.io.open_file import LARGEST_BYTES
 from heatrun.io.own_files import ENDINGS, MACHINES, MOST_BYTES, SIMULATION, own_file
 from heatrun.io.whole_files import Opener, opening_by, write_whole
-from heatrun.readers.following import FollowedTest, Other, other_columns
+from heatrun.readers.following import FollowedTest, Other, others_of
 from heatrun.readers.joined import read_whole_test
-from heatrun.readers.read import read_record
+from heatrun.readers.read import read_raw, read_record
 from heatrun.record.motor import Motor
 from heatrun.record.record import Record
 from heatrun.runs.run_folder import MANIFEST
@@ -249,7 +249,8 @@ class RecordStore:
         if opened.others is not None:
             return opened
         with opening_by(opener):
-            others = other_columns(opened.path, opened.record) if opened.record.unused else {}
+            read = opened.record
+            others = others_of(read_raw(opened.path), read) if read.unused else {}
         found = replace(opened, others=others)
         with self._lock:
             for key, kept in self._kept.items():

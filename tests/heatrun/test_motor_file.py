@@ -116,7 +116,7 @@ def test_material(tmp_path, winding, coefficient):
         ("[motor]\nname = 3", "text for name, got the number 3"),
         ("[motor]\nname = ' '", "text for name"),
         ("motor = 3", "Expected a section"),
-        ("[motor]\nname = 'M'\nphases = 0", "phases above 0, got the number 0"),
+        ("[motor]\nname = 'M'\nphases = 0", "phases from 1 to 99, got the number 0"),
         ("[motor]\nname = 'M'\nphases = 3.0", "whole number"),
         ("[motor]\nname = 'M'\nphases = true", "whole number"),
         ("[motor]\nname = 'M'\nlosses = 'balanced'", "balance, map.*Did you mean 'balance'"),

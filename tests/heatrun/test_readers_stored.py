@@ -309,15 +309,6 @@ def test_durations_and_regular_indices(path):
     np.testing.assert_allclose(read_record(path).time_s, [0.0, 0.002, 0.004], atol=1e-15)
 
 
-def test_unit_in_the_metadata(path):
-    import pyarrow.parquet
-
-    field = pyarrow.field("winding", pyarrow.float64(), metadata={"unit": "K"})
-    schema = pyarrow.schema([pyarrow.field("time_s", pyarrow.float64()), field])
-    pyarrow.parquet.write_table(pyarrow.table([[0.0, 1.0], [293.15, 294.15]], schema=schema), path)
-    np.testing.assert_allclose(read_record(path)["winding_degC"], [20.0, 21.0], atol=1e-12)
-
-
 def test_metadata_and_name_must_agree(path):
     import pyarrow.parquet
 

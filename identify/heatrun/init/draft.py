@@ -8,7 +8,7 @@ read from the files is set: a line holds once a person has removed the # in fron
 import re
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
-from itertools import zip_longest
+from itertools import islice, zip_longest
 from pathlib import Path
 
 from ..io.quantities import printable, printed_unit
@@ -117,12 +117,9 @@ def draft(
 ) -> str:
     """Return the text of a commented motor file that loads as it is.
 
-    Args:
-        name: Of the machine; a blank one becomes "motor".
-        surveys: What the files hold, from `heatrun.init.survey.survey`.
-        is_accepted: The best candidates hold.
-        numbers: What a person has said, by key or channel; of `time_s` the rate [Hz].
-        columns: Right-hand sides that a person has chosen, by channel.
+    A blank name becomes "motor". If it is accepted, the best candidates hold. A person may have
+    said numbers, by key or channel (of `time_s` the rate [Hz]), and chosen right-hand sides of
+    `[columns]` by channel.
     """
     numbers = numbers or {}
     missing = as_chosen(gaps(surveys), columns or {})
@@ -261,9 +258,8 @@ def _offered(missing: Sequence[Gap], mark: str, most: int) -> list[str]:
                 is_best = gap.best[:1] == (side,)
                 lines.append(_line(gap.channel, toml_text(side), note, mark if is_best else "# "))
         rows.append(lines)
-    ranks = [(place, row) for place, row in enumerate(zip_longest(*rows))]
-    kept = {line for _, row in ranks for line in row if line is not None}
-    turn = [line for _, row in ranks for line in row if line in kept][: max(most, 0)]
+    in_turn = (line for row in zip_longest(*rows) for line in row if line is not None)
+    turn = [*islice(in_turn, max(most, 0))]
     return [line for lines in rows for line in lines if line in turn]
 
 

@@ -15,7 +15,7 @@ import sys
 import tempfile
 import weakref
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 from ..errors import InputError
@@ -44,11 +44,7 @@ class FolderLock:
 
     @classmethod
     def take(cls, folder: Path, *, waits: bool = False) -> FolderLock:
-        """Make the folder if it is not there and lock it.
-
-        Args:
-            folder: The folder; its parents are made too.
-            waits: Whether to wait until another process has let it go.
+        """Make the folder and its parents if they are not there and lock it.
 
         Raises:
             InputError: If another process works in it, unless this one waits.
@@ -79,19 +75,14 @@ class FolderLock:
 def _hold_folder(folder: Path, waits: bool) -> Callable[[], None] | None:
     """Lock a folder and return what lets it go; None if it took another name meanwhile."""
     assert fcntl is not None  # as `FolderLock.take` saw
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if waits else fcntl.LOCK_NB))
-        if _is_at(descriptor, folder):
-            return lambda: os.close(descriptor)
-    except BlockingIOError as error:
-        os.close(descriptor)
-        raise _held(folder) from error
-    except BaseException:
-        os.close(descriptor)
-        raise
-    os.close(descriptor)
-    return None
+    with ExitStack() as held:
+        descriptor = os.open(folder, os.O_RDONLY)
+        held.callback(os.close, descriptor)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if waits else fcntl.LOCK_NB))
+        except BlockingIOError as error:
+            raise _held(folder) from error
+        return held.pop_all().close if _is_at(descriptor, folder) else None
 
 
 def _hold_path(folder: Path, waits: bool) -> Callable[[], None]:
@@ -148,10 +139,8 @@ def use_caches(say: Callable[[str], None]) -> None:
     """Choose the folders of the caches; for commands, before JAX and matplotlib are loaded.
 
     The second run of a command then needs a third of the processor time of the first. The folder
-    of programs is the user's to choose by JAX_COMPILATION_CACHE_DIR, and is then left alone.
-
-    Args:
-        say: Told why there is no cache, where that is so.
+    of programs is the user's to choose by JAX_COMPILATION_CACHE_DIR, and is then left alone. Where
+    there is no cache, it is said why.
     """
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path("~").expanduser() / ".cache")
     refused = next((why for name in FOLDERS if (why := _refusal(base / name))), "")
@@ -175,12 +164,7 @@ def has_programs() -> bool:
 
 
 def keep_below(folder: Path, most_bytes: int) -> None:
-    """Remove the programs that were used longest ago until the others take at most so much.
-
-    Args:
-        folder: Of the programs.
-        most_bytes: What may stay [byte].
-    """
+    """Remove the programs that were used longest ago until the others take so much [byte]."""
     entries = []
     for path in folder.glob(f"*{PROGRAM}"):
         with suppress(FileNotFoundError):  # another process clears away too

@@ -133,30 +133,20 @@ def refuse_special(found: os.stat_result, where: str) -> None:
         InputError: If it is a directory, a device, a socket or a named pipe.
     """
     mode = found.st_mode
+    if stat.S_ISREG(mode) or (stat.S_ISFIFO(mode) and _is_fed(found)):
+        return
+    kind, remedy = "socket" if stat.S_ISSOCK(mode) else "device", "Name the file of the recording."
     if stat.S_ISDIR(mode):
+        kind, remedy = "directory", "Name the files in it."
         # fit.json stands in every run folder, and in nothing that a bench writes
-        is_run = os.path.isfile(os.path.join(where, "fit.json"))
-        raise InputError(
-            f"Expected a file, got a {'run folder of heatrun' if is_run else 'directory'}.",
-            where=where,
-            remedy="Name the bench file that the run was made from."
-            if is_run
-            else "Name the files in it.",
-        )
-    if stat.S_ISFIFO(mode):
-        if _is_fed(found):
-            return
-        raise InputError(
-            "Expected a file, got a named pipe.",
-            where=where,
-            remedy="Write the recording to a file first, or hand it over by: "
-            "cat PIPE | heatrun check MOTOR.toml /dev/stdin",
-        )
-    if not stat.S_ISREG(mode):
-        kind = "socket" if stat.S_ISSOCK(mode) else "device"
-        raise InputError(
-            f"Expected a file, got a {kind}.", where=where, remedy="Name the file of the recording."
-        )
+        if os.path.isfile(os.path.join(where, "fit.json")):
+            kind = "run folder of heatrun"
+            remedy = "Name the bench file that the run was made from."
+    elif stat.S_ISFIFO(mode):
+        kind = "named pipe"
+        remedy = "Write the recording to a file first, or hand it over by: "
+        remedy += "cat PIPE | heatrun check MOTOR.toml /dev/stdin"
+    raise InputError(f"Expected a file, got a {kind}.", where=where, remedy=remedy)
 
 
 def is_pipe(path: str | Path) -> bool:
@@ -221,11 +211,7 @@ def digest_of(stream: BinaryIO) -> str:
 
 
 def unzip(data: bytes, where: str) -> bytes:
-    """Return the content of a gzip file.
-
-    Args:
-        data: Its bytes; several members may follow each other.
-        where: The file, for messages.
+    """Return the content of a gzip file, in which several members may follow each other.
 
     Raises:
         InputError: If it is damaged or cut, or holds more than `LARGEST_BYTES`.

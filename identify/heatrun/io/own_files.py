@@ -66,11 +66,8 @@ def is_run_folder(path: Path) -> bool:
 
 
 def own_file(name: str, start: bytes) -> str | None:
-    """Return what of heatrun's own a file is, in words; None for what may be a bench file.
-
-    Args:
-        name: Its name; a course of a script has columns that a logger of temperatures may have.
-        start: Its first bytes; of a gzip file they are unpacked.
+    """Return what of heatrun's own a file is by its first bytes, in words; None for what may be a
+    bench file. A course of a script has columns that a logger may have: its name tells it.
     """
     if start.startswith(b"\x1f\x8b"):
         try:
@@ -89,8 +86,7 @@ def own_file(name: str, start: bytes) -> str | None:
         return TABLE
     if _is_table_of_machines(text):
         return MACHINES
-    of_run = "measured_degC" in columns and any("_parameters_95_" in one for one in columns)
-    if of_run:
+    if "measured_degC" in columns and any("_parameters_95_" in one for one in columns):
         return COURSE
     return SCRIPT_COURSE if name in SCRIPT_COURSES else None
 
@@ -122,10 +118,8 @@ def own_file_at(path: Path) -> str | None:
 def refuse_own_file(path: Path, *, for_fit: bool) -> None:
     """Refuse a file that heatrun itself has written; a virtual record is a matter of the checks.
 
-    Args:
-        path: As the user names it.
-        for_fit: Whether a motor file is made of it; a course of a script may be looked at, and the
-            test that an export holds be simulated again.
+    If it is not for a fit, a course of a script may be looked at, and the test that an export holds
+    be simulated again.
 
     Raises:
         InputError: If it is one.

@@ -73,11 +73,9 @@ def compiled(
 ) -> Callable[[Callable[..., R]], Callable[..., R]]:
     """Return a decorator that compiles as `jax.jit`, and keeps what is compiled.
 
-    Arrays of NumPy are as good as JAX's: nothing is compiled to turn one into the other.
-
-    Args:
-        static: Names of arguments that are compiled in; hashable.
-        is_seldom: It runs a few times, so that compiling takes longer than all of them.
+    The arguments of the names are hashable and compiled in. What is seldom runs a few times, so
+    that compiling takes longer than all of them. Arrays of NumPy are as good as JAX's: nothing is
+    compiled to turn one into the other.
     """
     options = {"xla_backend_optimization_level": LEVEL_OF_SELDOM if is_seldom else LEVEL}
 
@@ -241,9 +239,7 @@ class _Nameless(Exception):
 def _text(value: Any, *, free: bool) -> str:
     """Return a text that stands for a value, the same in every process.
 
-    Args:
-        value: What is compiled in, or arguments.
-        free: Whether arrays and numbers are arguments, of which only the kind counts.
+    Of arrays and numbers that are free arguments only the kind counts.
 
     Raises:
         _Nameless: If there is none.
@@ -315,7 +311,6 @@ def _know_lapack() -> None:
 
 
 def _write(path: Path, program: Any) -> None:
-    """Keep a program, whole or not at all."""
     payload, _, tree = serialize(program)
     body = pickle.dumps((payload, jax.tree.unflatten(tree, range(tree.num_leaves))))
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)

@@ -38,12 +38,7 @@ BREAK = "\u200b"  # a place where a line may break, without a sign
 
 
 def with_breaks(text: str, every: int) -> str:
-    """Return a text whose long words may break, behind signs or after some letters.
-
-    Args:
-        text: What is printed.
-        every: Letters after which a word may break at the latest.
-    """
+    """Return a text whose long words may break, behind signs or after so many letters."""
     places = re.compile(rf"([_\-./\\,;:=+@]|.{{{every}}})(?=.)")
     return LONG_WORD.sub(lambda word: places.sub(rf"\1{BREAK}", word[0]), text)
 

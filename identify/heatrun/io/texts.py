@@ -93,12 +93,7 @@ class Texts:
         return not any(WORDS.search(text) for text in self.unknown)
 
     def __call__(self, key: str, /, **fields: object) -> str:
-        """Return a text.
-
-        Args:
-            key: Of the table.
-            fields: What stands in it, as text or whole numbers.
-        """
+        """Return a text of the table with what stands in its fields, texts or whole numbers."""
         text = table()[key][self._column]
         return FIELD.sub(lambda found: self._printed(str(fields[found[1]]), found[2]), text)
 

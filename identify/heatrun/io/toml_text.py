@@ -103,11 +103,7 @@ def parse_toml(data: bytes, where: str, what: str = "motor file") -> dict[str, A
 
 
 def table_header(*keys: str) -> str:
-    """Return the line that begins a table: `[tests.drive]`, `[tests."a b"]`.
-
-    Args:
-        keys: From the outermost on; one that is no bare key is put in quotes.
-    """
+    """Return the line that begins a table, by its keys: `[tests.drive]`, `[tests."a b"]`."""
     import tomli_w
 
     content: dict[str, Any] = {}
@@ -117,13 +113,7 @@ def table_header(*keys: str) -> str:
 
 
 def check_keys(content: Mapping[str, Any], known: Sequence[str], where: str, kind: str) -> None:
-    """Refuse a key or section that is not known.
-
-    Args:
-        content: A parsed section.
-        known: Its keys.
-        where: The section, for the message.
-        kind: `"key"` or `"section"`.
+    """Refuse a key or section, as `kind` says, that is not known.
 
     Raises:
         InputError: With the known ones, the nearest named.

@@ -70,12 +70,8 @@ PARTIAL = ".partial"
 def write_whole(path: Path, content: bytes) -> None:
     """Write a file so that a reader sees all of it or none, even after a kill.
 
-    Args:
-        path: The file; what it held before stays where the writing fails.
-        content: What it is to hold.
-
     Raises:
-        OSError: If it cannot be written; no part of it is left then.
+        OSError: If it cannot be written; no part of it is left then, and what it held before stays.
     """
     with whole(path) as partial, partial.open("wb") as file:
         file.write(content)
@@ -99,10 +95,6 @@ def whole(path: Path) -> Iterator[Path]:
 def writable(what: str, place: Path) -> Iterator[None]:
     """Turn what the system says of a place that cannot be written to into an error for the user.
 
-    Args:
-        what: What is written, such as `"the report"`.
-        place: File or folder.
-
     Raises:
         InputError: Instead of an OSError.
     """
@@ -117,10 +109,8 @@ def writable(what: str, place: Path) -> Iterator[None]:
 
 
 def drop_partials(folder: Path) -> None:
-    """Remove the pieces of files that killed processes left in a folder and below it.
-
-    Args:
-        folder: A folder that no other process writes to.
+    """Remove the pieces of files that killed processes left in a folder, which no other writes to,
+    and below it.
     """
     for piece in folder.rglob(f".*{PARTIAL}"):
         if piece.is_dir():
@@ -145,11 +135,9 @@ def folder_name(words: str) -> str:
 
 
 def numbered(path: Path, next_to: Path | None = None) -> Iterator[Path]:
-    """Give a path, then the same with `-2`, `-3` and so on behind its stem.
+    """Give a path, then the same with `-2`, `-3` and so on behind its stem, or that of another.
 
-    Args:
-        path: A file, or a folder without a point in its name.
-        next_to: What the numbers are put behind, where it is not the path itself.
+    It is a file, or a folder without a point in its name.
     """
     yield path
     base = next_to or path
@@ -191,11 +179,8 @@ FOLDERS_OF_A_WORD = re.compile(r"[^+=]*[/\\](?=[^/\\])")
 
 
 def without_folders(text: str, paths: Iterable[str] = ()) -> str:
-    """Return a text in which files stand without their folders.
-
-    Args:
-        text: Words from anywhere.
-        paths: Paths that may stand in it, also relative ones and such with spaces.
+    """Return a text in which files stand without their folders, also relative paths and such with
+    spaces, if they are given.
     """
     for path in sorted(set(paths), key=len, reverse=True):
         name = PurePath(path).name
@@ -214,6 +199,7 @@ def command_without_folders(command: str) -> str:
 
 
 Opener = Callable[[Path], BinaryIO]
+"""Opens a file for reading, or raises OSError or InputError."""
 
 _opener: ContextVar[Opener | None] = ContextVar("opener", default=None)
 
@@ -225,11 +211,7 @@ def opener_of_this_thread() -> Opener | None:
 
 @contextmanager
 def opening_by(opener: Opener) -> Iterator[None]:
-    """Let the readers of this thread open files by a function, for the time of the context.
-
-    Args:
-        opener: Opens a file for reading, or raises OSError or InputError.
-    """
+    """Let the readers of this thread open files by a function, for the time of the context."""
     mark = _opener.set(opener)
     try:
         yield
@@ -338,11 +320,8 @@ class FileSet:
 
 @contextmanager
 def together(folder: Path, name: str | Callable[[], str]) -> Iterator[FileSet]:
-    """Give a set whose files are written into its `aside`; they appear in `folder` at the end.
-
-    Args:
-        folder: Where the files will be; made if it is not there.
-        name: As `FileSet.begin`.
+    """Give a set as `FileSet.begin`, whose files are written into its `aside`; they appear in
+    `folder` at the end.
 
     Raises:
         OSError: If a file cannot be written; none of them is there then.

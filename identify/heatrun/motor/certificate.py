@@ -25,25 +25,15 @@ from .keys import KEYS
 NAME, LINES, PARAGRAPH = 120, 200, 500
 """Most letters of a name, of an address and of remarks: what page 1 has room for."""
 
-TEXTS: dict[str, int] = {
-    "number": NAME,
-    "laboratory": NAME,
-    "laboratory_address": LINES,
-    "customer": NAME,
-    "customer_address": LINES,
-    "machine_type": NAME,
-    "manufacturer": NAME,
-    "serial_number": NAME,
-    "condition": LINES,
-    "operator": NAME,
-    "approved_by": NAME,
-    "bench": LINES,
-    "remarks": PARAGRAPH,
-}
-"""Keys that hold a text, with the most letters of it."""
+OF_LINES = ("laboratory_address", "customer_address", "condition", "bench")
+LONGER: dict[str, int] = {**dict.fromkeys(OF_LINES, LINES), "remarks": PARAGRAPH}
+"""Texts of more letters than a name has."""
 
 DATES = ("received", "test_from", "test_until", "issue_date")
 """Keys that hold a day."""
+
+OTHERS = ("performed_at", "country", "language", "instruments")
+"""Keys that hold neither a day nor a text."""
 
 MOST_INSTRUMENTS = 30
 
@@ -58,8 +48,13 @@ def parse_certificate(section: Mapping[str, Any], where: str) -> Certificate:
     at = f"{where}, [certificate]"
     check_keys(section, KEYS["certificate"], at, "key")
     section = _given(section)
-    given = {key: _clean(section, key, at, longest) for key, longest in TEXTS.items()}
-    given |= {key: _day(section, key, at) for key in DATES}
+    given = {
+        key: _day(section, key, at)
+        if key in DATES
+        else _clean(section, key, at, LONGER.get(key, NAME))
+        for key in KEYS["certificate"]
+        if key not in OTHERS
+    }
     first, last = given["test_from"], given["test_until"]
     if first and last and last < first:
         raise InputError(
@@ -144,9 +139,7 @@ def _day(section: Mapping[str, Any], key: str, where: str) -> str:
 
 def _country(section: Mapping[str, Any], where: str) -> str:
     value = section.get("country", "")
-    if "country" in section and not (
-        isinstance(value, str) and re.fullmatch(r"[A-Za-z]{2}", value.strip())
-    ):
+    if not (isinstance(value, str) and re.fullmatch("(?:[A-Za-z]{2})?", value.strip())):
         raise InputError(
             f"Expected the two letters of a country for country, got {shown(value)}.",
             where=where,

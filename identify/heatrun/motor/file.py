@@ -3,14 +3,12 @@
 What lies outside the values that a parameter can have in any machine was mistyped, or is a test.
 The ranges are wide: from a motor of some grams to a generator of thousands of tonnes. They keep
 numbers out with which nothing can be computed, such as 1e300, and a unit that is wrong by far.
-`[tests.NAME]` stands before them, `[population]` behind.
+`[tests.NAME]` stands before them.
 """
 
 import hashlib
-import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
@@ -42,6 +40,7 @@ from ..record.motor import (
 from ..record.stretch import Stretch, in_order, parse_time
 from .certificate import parse_certificate
 from .keys import KEYS, UNITS
+from .population import HEAT, next_of_population
 
 MOST_CHOICES = 20
 """Right-hand sides of one channel."""
@@ -51,11 +50,7 @@ MOST_PARTS = 200
 
 
 def parse_parts(section: Mapping[str, Any], where: str) -> dict[str, PartsOfTest]:
-    """Return what `[tests.NAME]` says, by name of the test.
-
-    Args:
-        section: The parsed `[tests]`.
-        where: The motor file, for messages.
+    """Return what the `[tests.NAME]` of a motor file say, by name of the test.
 
     Raises:
         InputError: If a key is not known, or a window is no pair of times or rows in order.
@@ -82,13 +77,13 @@ def parse_parts(section: Mapping[str, Any], where: str) -> dict[str, PartsOfTest
         if any(math.isinf(end) for _, end in (*mask, *bridge)):
             raise InputError("mask and bridge need both ends of a window.", where=at)
         columns = parse_columns(keys.get("columns", {}), at)
-        offset_s = _number(keys, "load_offset", ANY_NUMBER, at)
+        late = "load_offset" in keys
+        offset_s = _number(keys, "load_offset", ANY_NUMBER, at) if late else None
         parts[name] = PartsOfTest(use, mask, bridge, _gap_load(keys, at), columns, offset_s)
     return parts
 
 
 def _gap_load(keys: Mapping[str, Any], where: str) -> GapLoad | None:
-    """Return the load in gaps."""
     section = keys.get("gap")
     load = section.get("load") if isinstance(section, dict) else section
     if section is None or (load in get_args(GapLoad) and section == {"load": load}):
@@ -102,10 +97,6 @@ def _gap_load(keys: Mapping[str, Any], where: str) -> GapLoad | None:
 
 def parse_columns(section: Any, where: str) -> dict[str, str | tuple[str, ...]]:
     """Return `[columns]`, or that of a test.
-
-    Args:
-        section: As parsed.
-        where: The motor file and what the section is under, for messages.
 
     Raises:
         InputError: If a channel is not known, or what stands behind it is no text and no list.
@@ -150,19 +141,14 @@ def _stretches(keys: Mapping[str, Any], key: str, where: str) -> tuple[Stretch, 
 
 def _end(value: Any, key: str, where: str) -> float:
     """Return one end of a window, a time [s] or a row."""
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if key == "use_rows":
-        kind = "a whole number from 1"
-        if is_number and isinstance(value, int) and 1 <= value < 10**15:
-            return float(value)
-    else:
-        kind = "seconds from 0, or a text such as '90 min'"
-        if is_number and 0 <= value <= 1e12:
-            return float(value)
-        if isinstance(value, str) and value.strip():
-            return parse_time(
-                value, where, "Rows stand under use_rows, as numbers: use_rows = [[1, 5000]]."
-            )
+    is_row = key == "use_rows"
+    is_number = isinstance(value, int if is_row else int | float) and not isinstance(value, bool)
+    if is_number and (1 <= value < 10**15 if is_row else 0 <= value <= 1e12):
+        return float(value)
+    if not is_row and isinstance(value, str) and value.strip():
+        rows = "Rows stand under use_rows, as numbers: use_rows = [[1, 5000]]."
+        return parse_time(value, where, rows)
+    kind = "a whole number from 1" if is_row else "seconds from 0, or a text such as '90 min'"
     raise InputError(
         f"Expected {kind} for an end of {key}, got {str(value)[:80]!r}.",
         where=where,
@@ -202,154 +188,44 @@ LOG_WIDTHS = 10.0
 def refuse_implausible(
     name: str, said: ParameterOverride, unit: str, limits: tuple[float, float], where: str
 ) -> None:
-    """Refuse values of a motor file that no machine has.
+    """Refuse what a motor file says of a parameter that no machine has.
 
-    Args:
-        name: Of the parameter.
-        said: What the motor file says of it.
-        unit: Of the parameter.
-        limits: Lowest and highest value [unit].
-        where: The place in the motor file.
+    The limits are its lowest and highest value [its unit].
 
     Raises:
         InputError: With the range.
     """
     low, high = limits
-    of_unit = "" if unit == "1" else f" {unit}"
-    for label, number in (("fixed", said.fixed), ("value", said.value)):
-        if number is not None and not low <= number <= high:
+    beyond, no_width = f"beyond what {name} is in any machine", f"no standard deviation of {name}"
+    found = f"Correct it (the unit is {unit}), or leave it out to have it estimated."
+    known = "Correct it, or write fixed = … for a value that is known."
+    for label, lowest, highest, words, remedy in (
+        ("fixed", low, high, beyond, found),
+        ("value", low, high, beyond, found),
+        ("sd", SMALLEST_SHARE * (high - low), high - min(low, 0.0), no_width, known),
+        ("relative_sd", *RELATIVE_SD, f"{no_width} relative to its value (0.2 is 20 %)", known),
+    ):
+        number = getattr(said, label)
+        of_unit = "" if unit == "1" or label == "relative_sd" else f" {unit}"
+        if number is not None and not lowest <= number <= highest:
             raise InputError(
-                f"{label} = {number:g}{of_unit} is beyond what {name} is in any machine: "
-                f"{low:g} to {high:g}{of_unit}.",
+                f"{label} = {number:g}{of_unit} is {words}: "
+                f"expected {lowest:g} to {highest:g}{of_unit}.",
                 where=where,
-                remedy=f"Correct it (the unit is {unit}), or leave it out to have it estimated.",
+                remedy=remedy,
             )
-    widest, smallest = high - min(low, 0.0), SMALLEST_SHARE * (high - low)
-    if said.sd is not None and not smallest <= said.sd <= widest:
-        raise InputError(
-            f"sd = {said.sd:g}{of_unit} is no standard deviation of {name}: expected "
-            f"{smallest:.2g} to {widest:g}{of_unit}.",
-            where=where,
-            remedy="Correct it, or write fixed = … for a value that is known.",
-        )
-    low, high = RELATIVE_SD
-    if said.relative_sd is not None and not low <= said.relative_sd <= high:
-        raise InputError(
-            f"relative_sd = {said.relative_sd:g} is no standard deviation of {name} relative to "
-            f"its value: expected {low:g} to {high:g} (0.2 is 20 %).",
-            where=where,
-            remedy="Correct it, or write fixed = … for a value that is known.",
-        )
 
 
 def limits_around(centre: float, sd: float, *, is_log: bool) -> tuple[float, float]:
-    """Return the limits of an effect's parameter from its prior, which is wide already.
+    """Return the limits of an effect's parameter [its unit] from its prior, which is wide already.
 
-    Args:
-        centre: Of the prior [its unit].
-        sd: Of the prior, of the logarithm [1] or [its unit].
-        is_log: Whether the prior is one of the logarithm.
+    Its standard deviation is that of the logarithm [1] or of the parameter [its unit].
     """
     if is_log:
         reach = math.exp(min(LOG_WIDTHS * sd, 200.0))
         return centre / reach, centre * reach
     return centre - 4.0 * WIDTHS * sd, centre + 4.0 * WIDTHS * sd
 
-
-NAME = "population.json"
-"""The file of a population, in its folder."""
-
-HEAT = "unmodelled_heat"
-"""Name of the heat that a network misses, among the parameters of the noise."""
-
-
-@dataclass(frozen=True)
-class NextMachine:
-    """What a population says of its next machine before its first test."""
-
-    parameters: dict[str, ParameterOverride]  # Prior of each thermal parameter.
-    effects: tuple[str, ...] = ()  # Ids of the effects that its machines were calibrated with.
-    # Median of the prior of the heat that the network misses, sd over the mean loss [1]; None where
-    # the machines do not tell it.
-    unmodelled_heat: float | None = None
-
-
-def next_of_population(section: Mapping[str, Any], where: str) -> NextMachine:
-    """Return what is known of a machine of a known type; nothing where no type is given.
-
-    Each parameter has its own: correlations over the machines are left aside, and covariates are at
-    their mean over the machines.
-
-    Args:
-        section: `[population]`.
-        where: The motor file; a folder is sought from where it is.
-
-    Raises:
-        InputError: If there is no population where it says.
-    """
-    if not section:
-        return NextMachine({})
-    at = f"{where}, [population]"
-    folder = Path(where).parent / text_of(section, "run", at)
-    return read_next_machine(folder, at)
-
-
-def read_next_machine(folder: Path, where: str) -> NextMachine:
-    """Return what a population says of its next machine before its first test.
-
-    Raises:
-        InputError: If there is no such file, or it is not one that heatrun wrote.
-    """
-    path = folder / NAME if folder.is_dir() else folder
-    remedy = "Give the folder that `heatrun population` wrote."
-    try:
-        content = json.loads(path.read_bytes())
-        found = {name: _prior(said) for name, said in content["parameters"].items()}
-        noise = (content.get("noise") or {}).get("parameters", {}).get(HEAT)
-        heat = None if noise is None else float(noise["next_median"])
-    except OSError as error:
-        types = sorted(each.parent.name for each in folder.glob(f"*/{NAME}"))
-        raise InputError(
-            f"Expected a population, found no readable {path} ({error.strerror}).",
-            where=where,
-            remedy=f"Name one of the types in it: {', '.join(types)[:200]}." if types else remedy,
-        ) from None
-    except (ValueError, KeyError, TypeError, AttributeError, OverflowError):
-        raise InputError(
-            f"Expected a population as heatrun writes it, got another content in {path}.",
-            where=where,
-            remedy=remedy,
-        ) from None
-    sound = [_is_sound(each) for each in found.values()]
-    if not found or not all(sound) or not (heat is None or 0.0 < heat < math.inf):
-        raise InputError(
-            f"Expected positive medians and widths of the parameters in {path}.",
-            where=where,
-            remedy=remedy,
-        )
-    effects = dict.fromkeys(name.partition(".")[0] for name in found if "." in name)
-    if heat is not None:  # as far as a motor file may say it: the tail of a law may reach beyond
-        heat = min(max(heat, HEAT_LIMITS[0]), HEAT_LIMITS[1])
-    return NextMachine(found, tuple(effects), heat)
-
-
-def _prior(said: dict[str, Any]) -> ParameterOverride:
-    centre = float(said["next_median"])
-    if said.get("transform", "log") == "linear":
-        return ParameterOverride(value=centre, sd=float(said["next_sd"]))
-    return ParameterOverride(value=centre, relative_sd=math.expm1(float(said["next_log_sd"])))
-
-
-def _is_sound(prior: ParameterOverride) -> bool:
-    width = prior.sd if prior.relative_sd is None else prior.relative_sd
-    assert prior.value is not None
-    assert width is not None
-    is_positive = prior.relative_sd is None or prior.value > 0.0
-    return math.isfinite(prior.value) and is_positive and math.isfinite(width) and width > 0.0
-
-
-INSULATION_CLASSES = tuple(LIMIT_DEGC)
-"""Letters of IEC 60085, in the order of their temperature."""
 
 PLAIN = ("motor", "winding", "vehicle", "adequacy", "population", "shutdown", "scales")
 """Sections whose keys are read one by one."""
@@ -365,15 +241,43 @@ Limits = tuple[float, float, str]
 POSITIVE: Limits = (0.0, math.inf, "above 0")
 NOT_NEGATIVE: Limits = (-1e-12, math.inf, "at least 0")
 ANY_NUMBER: Limits = (-1e30, 1e30, "between -1e30 and 1e30")
-COEFFICIENT_RANGE: Limits = (100.0, 400.0, "between 100 and 400 degC (copper 234.5)")
-HEAT_RANGE: Limits = (
-    *HEAT_LIMITS,
-    f"between {HEAT_LIMITS[0]:g} and {HEAT_LIMITS[1]:g} of the mean loss "
-    f"(usual: {Adequacy().unmodelled_heat:g})",
+FINITE: Limits = (-math.inf, math.inf, "to be finite")
+SHARE: Limits = (-1e-12, 1.0, "at least 0 and below 1")
+
+NUMBERS: dict[str, Limits] = {
+    "resistance_coefficient_degC": (100.0, 400.0, "between 100 and 400 degC (copper 234.5)"),
+    "reference_temperature_degC": (-60.0, 250.0, "between -60 and 250 degC"),
+    "lead_resistance_ohm": NOT_NEGATIVE,
+    HEAT: (
+        *HEAT_LIMITS,
+        f"between {HEAT_LIMITS[0]:g} and {HEAT_LIMITS[1]:g} of the mean loss "
+        f"(usual: {Adequacy().unmodelled_heat:g})",
+    ),
+    "heat_time_s": (60.0, 86400.0, "between 60 and 86400 s (usual: 1200)"),
+    "fixed": FINITE,
+    "value": FINITE,
+    **{key: SHARE if key.endswith(("_after", "_sd")) else NOT_NEGATIVE for key in KEYS["shutdown"]},
+}
+"""Limits of the numbers that need not be above 0."""
+
+CHOICES: dict[str, tuple[str, ...]] = {
+    "losses": ("balance", "map"),
+    "sink": ("ambient", "coolant"),
+    "insulation_class": tuple(LIMIT_DEGC),
+    "utilisation_class": tuple(LIMIT_DEGC),  # letters of IEC 60085 both
+    "equilibrium": tuple(EQUILIBRIA),
+    "decimal": (".", ","),
+    "material": tuple(COEFFICIENTS_degC),
+}
+"""Keys that hold one of some words."""
+
+READ_APART = ("name", "phases", "per_test")
+
+OF_A_WHOLE = (
+    ("conductor_mass_kg", "mass_kg", "kg", "that of the whole machine"),
+    ("lead_resistance_ohm", "measured_resistance_ohm", "ohm", "that of winding and leads"),
 )
-HEAT_TIME_RANGE: Limits = (60.0, 86400.0, "between 60 and 86400 s (usual: 1200)")
-SHARE_RANGE: Limits = (-1e-12, 1.0, "at least 0 and below 1")
-REFERENCE_RANGE: Limits = (-60.0, 250.0, "between -60 and 250 degC")
+"""Keys of `[winding]` that are a part of another one, with the unit and what that is."""
 
 
 def load_motor(path: str | Path) -> Motor:
@@ -398,39 +302,26 @@ def parse_motor(data: bytes, where: str) -> Motor:
     sections = {name: section_of(content, name, where) for name in PLAIN}
     for name, section in sections.items():
         check_keys(section, KEYS[name], f"{where}, [{name}]", "key")
-    motor, winding, vehicle, adequacy, population, shutdown, scales = sections.values()
-    sisters = next_of_population(population, where)
+    sisters = next_of_population(sections["population"], where)
     effects = _effects(section_of(content, "model", where), where)
-    if "name" not in motor:
+    if "name" not in sections["motor"]:
         raise InputError(
             "Expected the name of the motor, found none.",
             where=f"{where}, [motor]",
             remedy='Add: name = "…".',
         )
-    at, at_winding, at_vehicle, at_adequacy, _, at_shutdown, at_scales = (
-        f"{where}, [{name}]" for name in PLAIN
-    )
+    said = {
+        name: _said(sections[name], f"{where}, [{name}]") for name in PLAIN if name != "population"
+    }
+    machine = {
+        **said["motor"],
+        **_winding(said["winding"], said["motor"], where),
+        **said["vehicle"],
+    }
     return Motor(
-        name=text_of(motor, "name", at),
-        phases=_phases(motor, at),
-        losses=choice_of(motor, "losses", ("balance", "map"), at) or "balance",
-        sink=choice_of(motor, "sink", ("ambient", "coolant"), at) or "ambient",
-        insulation_class=choice_of(motor, "insulation_class", INSULATION_CLASSES, at),
-        equilibrium=choice_of(motor, "equilibrium", tuple(EQUILIBRIA), at) or Motor.equilibrium,
-        rated_speed_rpm=_number(motor, "rated_speed_rpm", POSITIVE, at),
-        rated_current_A=_number(motor, "rated_current_A", POSITIVE, at),
-        resistance_coefficient_degC=_coefficient(winding, at_winding),
-        mass_kg=_number(motor, "mass_kg", POSITIVE, at),
-        conductor_mass_kg=_conductor_mass(winding, motor, where),
-        phase_resistance_ohm=_number(winding, "phase_resistance_ohm", POSITIVE, at_winding),
-        reference_temperature_degC=_or_default(
-            _number(winding, "reference_temperature_degC", REFERENCE_RANGE, at_winding),
-            Motor.reference_temperature_degC,
-        ),
-        measured_resistance_ohm=_number(winding, "measured_resistance_ohm", POSITIVE, at_winding),
-        lead_resistance_ohm=_leads(winding, at_winding),
-        gear_ratio=_number(vehicle, "gear_ratio", POSITIVE, at_vehicle),
-        wheel_radius_m=_number(vehicle, "wheel_radius_m", POSITIVE, at_vehicle),
+        name=text_of(sections["motor"], "name", f"{where}, [motor]"),
+        phases=_phases(sections["motor"], f"{where}, [motor]"),
+        **machine,
         columns=parse_columns(section_of(content, "columns", where), where),
         constants=_constants(section_of(content, "constants", where), where),
         parameters={
@@ -440,20 +331,27 @@ def parse_motor(data: bytes, where: str) -> Motor:
         sensors=_sensors(section_of(content, "sensors", where), where),
         tests=parse_parts(section_of(content, "tests", where), where),
         effects=tuple(dict.fromkeys((*effects, *sisters.effects))),
-        scales=Scales(**{key: _number(scales, key, POSITIVE, at_scales) for key in scales}),
-        adequacy=_adequacy(adequacy, sisters.unmodelled_heat, at_adequacy),
-        shutdown=_shutdown(shutdown, at_shutdown),
+        scales=Scales(**said["scales"]),
+        adequacy=Adequacy(**{**sisters.adequacy, **said["adequacy"]}),
+        shutdown=ShutDown(**said["shutdown"]),
         certificate=parse_certificate(section_of(content, "certificate", where), where),
-        raster_s=_number(motor, "raster_s", POSITIVE, at),
-        decimal=choice_of(motor, "decimal", (".", ","), at),
         sha256=hashlib.sha256(data).hexdigest(),
         path=where,
     )
 
 
-def _number(section: Mapping[str, Any], key: str, limits: Limits, where: str) -> float | None:
-    if key not in section:
-        return None
+def _said(section: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Return the values of the keys that hold a number or one of some words."""
+    return {
+        key: choice_of(section, key, CHOICES[key], where)
+        if key in CHOICES
+        else _number(section, key, NUMBERS.get(key, POSITIVE), where)
+        for key in section
+        if key not in READ_APART
+    }
+
+
+def _number(section: Mapping[str, Any], key: str, limits: Limits, where: str) -> float:
     value = section[key]
     low, high, spoken = limits
     if isinstance(value, bool) or not isinstance(value, int | float):
@@ -470,65 +368,39 @@ def _number(section: Mapping[str, Any], key: str, limits: Limits, where: str) ->
     return float(value)
 
 
-def _or_default(value: float | None, default: float) -> float:
-    return default if value is None else value
-
-
 def _phases(motor: Mapping[str, Any], where: str) -> int:
     value = motor.get("phases", Motor.phases)
-    if isinstance(value, int) and value > MOST_PHASES:
-        raise InputError(f"Expected at most {MOST_PHASES} phases, got {shown(value)}.", where=where)
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= MOST_PHASES:
         raise InputError(
-            f"Expected a whole number of phases above 0, got {shown(value)}.",
+            f"Expected a whole number of phases from 1 to {MOST_PHASES}, got {shown(value)}.",
             where=where,
             remedy="Write phases = 3.",
         )
     return value
 
 
-def _coefficient(winding: Mapping[str, Any], where: str) -> float:
-    material = choice_of(winding, "material", tuple(COEFFICIENTS_degC), where)
-    coefficient = _number(winding, "resistance_coefficient_degC", COEFFICIENT_RANGE, where)
-    if material is not None and coefficient is not None:
+def _winding(winding: dict[str, Any], motor: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Return what the values of `[winding]` say of the machine, beside those of `[motor]`."""
+    at = f"{where}, [winding]"
+    material = winding.pop("material", None)
+    if material is not None and "resistance_coefficient_degC" in winding:
         raise InputError(
             f"Both material = '{material}' ({COEFFICIENTS_degC[material]:g} degC) and "
-            f"resistance_coefficient_degC = {coefficient:g} are given.",
-            where=where,
+            f"resistance_coefficient_degC = {winding['resistance_coefficient_degC']:g} are given.",
+            where=at,
             remedy="Keep one of them.",
         )
-    if coefficient is not None:
-        return coefficient
-    return COEFFICIENTS_degC[material or "copper"]
-
-
-def _conductor_mass(
-    winding: Mapping[str, Any], motor: Mapping[str, Any], where: str
-) -> float | None:
-    """Return the mass of the conductor [kg], which is a part of that of the machine."""
-    conductor = _number(winding, "conductor_mass_kg", POSITIVE, f"{where}, [winding]")
-    whole = _number(motor, "mass_kg", POSITIVE, f"{where}, [motor]")
-    if conductor is not None and whole is not None and conductor >= whole:
-        raise InputError(
-            f"Expected conductor_mass_kg below mass_kg, got {conductor:g} of {whole:g} kg.",
-            where=f"{where}, [winding]",
-            remedy="Write both in kg; mass_kg is that of the whole machine.",
-        )
-    return conductor
-
-
-def _leads(winding: Mapping[str, Any], where: str) -> float:
-    """Return the resistance of the leads [ohm], which is a part of the measured one."""
-    leads = _number(winding, "lead_resistance_ohm", NOT_NEGATIVE, where) or 0.0
-    whole = _number(winding, "measured_resistance_ohm", POSITIVE, where)
-    if whole is not None and leads >= whole:
-        raise InputError(
-            f"Expected lead_resistance_ohm below measured_resistance_ohm, got {leads:g} of "
-            f"{whole:g} ohm.",
-            where=where,
-            remedy="Write both in ohm; measured_resistance_ohm is that of winding and leads.",
-        )
-    return leads
+    if material is not None:
+        winding["resistance_coefficient_degC"] = COEFFICIENTS_degC[material]
+    all_of = {**motor, **winding}
+    for part, whole, unit, meant in OF_A_WHOLE:
+        if all_of.get(part, -math.inf) >= all_of.get(whole, math.inf):
+            raise InputError(
+                f"Expected {part} below {whole}, got {all_of[part]:g} of {all_of[whole]:g} {unit}.",
+                where=at,
+                remedy=f"Write both in {unit}; {whole} is {meant}.",
+            )
+    return winding
 
 
 def _effects(section: Mapping[str, Any], where: str) -> tuple[str, ...]:
@@ -549,8 +421,7 @@ def _constants(section: Mapping[str, Any], where: str) -> dict[str, float]:
     at = f"{where}, [constants]"
     known = [name for name in CHANNEL if name not in ("time_s", "winding_degC")]
     check_keys(section, known, at, "channel")
-    values = {name: _number(section, name, ANY_NUMBER, at) for name in section}
-    return {name: value for name, value in values.items() if value is not None}
+    return {name: _number(section, name, ANY_NUMBER, at) for name in section}
 
 
 def _sensors(section: Mapping[str, Any], where: str) -> dict[str, str]:
@@ -558,28 +429,6 @@ def _sensors(section: Mapping[str, Any], where: str) -> dict[str, str]:
     at = f"{where}, [sensors]"
     check_keys(section, BODIES, at, "channel")
     return {channel: text_of(section, channel, at) for channel in section}
-
-
-def _adequacy(section: Mapping[str, Any], of_sisters: float | None, where: str) -> Adequacy:
-    usual = Adequacy()
-    heat = _or_default(of_sisters, usual.unmodelled_heat)
-    return Adequacy(
-        unmodelled_heat=_or_default(_number(section, "unmodelled_heat", HEAT_RANGE, where), heat),
-        heat_time_s=_or_default(
-            _number(section, "heat_time_s", HEAT_TIME_RANGE, where), usual.heat_time_s
-        ),
-    )
-
-
-def _shutdown(section: Mapping[str, Any], where: str) -> ShutDown:
-    said: dict[str, Any] = {}
-    for key in section:
-        if key == "utilisation_class":
-            said[key] = choice_of(section, key, INSULATION_CLASSES, where)
-        else:
-            is_share = key.endswith("_after") or (key.endswith("_sd"))
-            said[key] = _number(section, key, SHARE_RANGE if is_share else NOT_NEGATIVE, where)
-    return ShutDown(**said)
 
 
 def _parameters(section: Mapping[str, Any], where: str) -> dict[str, ParameterOverride]:
@@ -618,11 +467,7 @@ def _override(keys: Mapping[str, Any], where: str) -> ParameterOverride:
         raise InputError(
             f"Expected true or false for per_test, got {shown(per_test)}.", where=where
         )
-    finite: Limits = (-math.inf, math.inf, "to be finite")
     return ParameterOverride(
-        fixed=_number(keys, "fixed", finite, where),
-        value=_number(keys, "value", finite, where),
-        relative_sd=_number(keys, "relative_sd", POSITIVE, where),
-        sd=_number(keys, "sd", POSITIVE, where),
+        **_said(keys, where),
         per_test=per_test,
     )

@@ -102,10 +102,8 @@ LOST_SD_S = 10.0
 """At a tenth of a winding's time constant the winding's capacity is no longer determined."""
 
 MIN_GAIN = 10.0
-"""Log likelihood over a drive without influence: three gains more explain 4 or 5 by chance."""
-
-RATE_GAIN = 10.0
-"""The same for a second clock rate, of which a dozen are tried at every offset."""
+"""Log likelihood over a drive without influence: three gains more explain 4 or 5 by chance. The
+same for a second clock rate, of which a dozen are tried at every offset."""
 
 
 @dataclass(frozen=True)
@@ -270,7 +268,7 @@ def _findings(
             values,
         )
     rate, gain = best_rate(response, max_offset_s)
-    if gain > RATE_GAIN:
+    if gain > MIN_GAIN:
         yield Finding(
             "alignment_rate",
             "error",

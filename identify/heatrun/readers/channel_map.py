@@ -125,7 +125,11 @@ def _claimed(
         [column for column in pool if claim.base and column.name == claim.base],
         [column for column in pool if claim.label in (column.name, column.label)],
         [column for column in pool if claim.text == column.label],
-        [one for one in pool if one.heading and claim.label in _headed(one)],
+        [
+            one
+            for one in pool
+            if one.heading and claim.label in (one.heading, read_heading(one.heading).label)
+        ],
         [column for column in pool if claim.label == _stem(column, quantity)],
         # the one whose name goes on with a unit alone behind the name in `[columns]`
         [one for one in longer if _unit_left(claim, one)] if len(longer) == 1 else [],
@@ -152,11 +156,6 @@ def _claimed(
         where=where,
         remedy=f"{instead_of(claim)} Columns are: {', '.join(names)}.".strip(),
     )
-
-
-def _headed(column: Column) -> tuple[str, str]:
-    """Return what stands over a column, with and without its unit."""
-    return column.heading, read_heading(column.heading).label
 
 
 def _by_resistance(claim: Claim, column: Column, where: str) -> Claim:

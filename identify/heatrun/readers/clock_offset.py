@@ -210,7 +210,6 @@ def prepare_response(
 
 
 def _lagged_areas(values: np.ndarray, step_s: float, lags_s: np.ndarray) -> np.ndarray:
-    """Integrals of the lagged heats, lag by lag."""
     areas = []
     means = 0.5 * (values + np.pad(values[:, :-1], ((0, 0), (1, 0))))
     for lag in lags_s:

@@ -21,7 +21,7 @@ from ..record.motor import Motor
 from ..record.record import Record
 from ..record.table import Table
 from .joined import read_whole_test
-from .read import is_text_table, name_of_test, read_raw, read_record, read_whole
+from .read import is_text_table, name_of_test, read_record, read_whole
 from .text.reader import head_of, hints_of, with_missing_rows
 
 SAME_CLOCK_S = 1e-3
@@ -82,19 +82,11 @@ class Other:
     unit: str = ""  # Unit text of the file, or empty.
 
 
-def other_columns(path: Path, record: Record) -> dict[str, Other]:
-    """Return the columns of numbers of a record's file that are no channel, by name.
+def others_of(table: Table, record: Record) -> dict[str, Other]:
+    """Return the columns of numbers of a table that are no channel of its record, by name.
 
     Those that are not on its time axis are left out.
-
-    Raises:
-        InputError: If the file cannot be read.
     """
-    return others_of(read_raw(path), record)
-
-
-def others_of(table: Table, record: Record) -> dict[str, Other]:
-    """Return the columns of numbers of a table that are no channel of its record, by name."""
     held: Mapping[str, np.ndarray] = {
         column.name: column.values for column in table.columns if column.name in record.unused
     }
@@ -266,7 +258,6 @@ class FollowedTest:
         return record, others
 
     def _read_whole(self, data: bytes) -> _Known:
-        """Read the file from its start."""
         begun_s = time.monotonic()
         record, others = self._read(data)
         known = _Known(

@@ -10,6 +10,7 @@ invalidates.
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -152,17 +153,11 @@ def without_bad(
     lines: np.ndarray | None = None,
     is_ordered: bool = True,
 ) -> tuple[dict[int, np.ndarray], frozenset[int], list[Finding]]:
-    """Leave out the readings of a file that it does not mark as good.
+    """Leave out the readings of a file, of which all variables are given, that are not good.
 
-    Args:
-        variables: All of the file.
-        where: The file, for messages.
-        lines: Numbers of the lines of a text table, shape (time,); else rows are counted from 1.
-        is_ordered: A variable of marks stands behind the one that it marks.
-
-    Returns:
-        The values of those variables that lose readings, NaN there; which variables are marks;
-        the findings.
+    Where variables are ordered, one of marks stands behind the one that it marks. Messages count
+    the lines of a text table by their numbers, shape (time,), else rows from 1. What comes back are
+    the values of those that lose readings, NaN there, which variables are marks, and the findings.
     """
     found = {i: bad for i, one in enumerate(variables) if (bad := _not_good(one)) is not None}
     kept: dict[int, np.ndarray] = {}
@@ -193,6 +188,28 @@ def without_bad(
             mark = printable(str(cells[is_told].iloc[0])[:LONGEST_MARK])
             findings.append(_marks(names[place], mark, is_told, lost, where, lines))
     return kept, frozenset(found), findings
+
+
+def columns_without_bad(
+    held: Sequence[tuple[str, Any, Column | None]], where: str, lines: np.ndarray | None = None
+) -> tuple[list[Column], list[Finding]]:
+    """Return the columns of a table without the readings that are not good; as `without_bad`.
+
+    Of each are given its name, its cells and, of numbers, what they were read as.
+    """
+    first = next((column for *_, column in held if column is not None), None)
+    variables = [
+        Variable(name, cells)
+        if column is None
+        else Variable(name, cells, column.values, is_time(column, is_first=column is first))
+        for name, cells, column in held
+    ]
+    kept, _, findings = without_bad(variables, where, lines=lines)
+    return [
+        replace(column, values=kept.get(i, column.values))
+        for i, (*_, column) in enumerate(held)
+        if column is not None
+    ], findings
 
 
 def _marks(

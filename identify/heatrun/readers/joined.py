@@ -9,7 +9,7 @@ import itertools
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, get_args
 
 import numpy as np
 
@@ -220,12 +220,10 @@ SAME_K = 2.0
 def over_gaps(record: Record, load: GapLoad | None, *, splits: bool) -> tuple[Record, ...]:
     """Return a record with its gaps bridged, or its parts, without a name of their own yet.
 
-    Args:
-        record: A record, or a part of one.
-        load: What `[tests.NAME.gap]` says of the load in its gaps. None: a gap up to `MAX_GAP_S`
-            stays as it is; in a longer one the load was held if it is the same on both sides and
-            the winding has gone on as it would under it, else it is not known.
-        splits: Whether a gap of unknown load parts the record; if not, it stays as it is.
+    The load in them is what `[tests.NAME.gap]` says. None: a gap up to `MAX_GAP_S` stays as it is;
+    in a longer one the load was held if it is the same on both sides and the winding has gone on as
+    it would under it, else it is not known. A gap of unknown load splits the record if that is
+    wanted; if not, it stays as it is.
     """
     record = _without_empty(record)
     time_s = record.time_s
@@ -249,7 +247,7 @@ def over_gaps(record: Record, load: GapLoad | None, *, splits: bool) -> tuple[Re
     for before, end in itertools.pairwise((-1, *ends, time_s.size - 1)):
         stretch = Stretch(float(time_s[before + 1]), float(time_s[end]))
         part = cut(whole, stretch, "split at a gap")
-        split = (_split(record, before, is_stated),) if found else ()
+        split = (_gap(record, before, "unknown", is_stated),) if found else ()
         found.append(replace(part, findings=(*part.findings, *split)))
     return tuple(found)
 
@@ -318,7 +316,7 @@ def _bridged(
             added = np.interp(knots, time_s, values)
         channels[name] = np.insert(values, at, added)
     windows = tuple(zip(knots[::2], knots[1::2], strict=True))
-    findings = [_bridge(record, place, how, is_stated) for place, how in gaps]
+    findings = [_gap(record, place, how, is_stated) for place, how in gaps]
     return replace(
         record,
         channels=channels,
@@ -333,35 +331,28 @@ def _level(time_s: np.ndarray, values: np.ndarray, place: int) -> float:
     return float(np.mean(values[last])) if last.any() else float("nan")
 
 
-def _bridge(record: Record, at: int, how: str, is_stated: bool) -> Finding:
-    if is_stated:
+def _gap(record: Record, at: int, how: str, is_stated: bool) -> Finding:
+    """Return what is said of a gap, by its load and whether the motor file states that."""
+    held, zero, unknown = (
+        f'{table_header("tests", record.name, "gap")} load = "{load}"' for load in get_args(GapLoad)
+    )
+    if how == "unknown":
+        words = (
+            "The load in it is not known. Before and after are calibrated together, each from "
+            "start temperatures of its own; the stator's has a wide prior after the gap"
+        )
+        remedy = f"If the load was held: {held}. If it was off: {zero}. "
+        remedy += "The network then runs through the gap."
+    elif is_stated:
         words = "held through it" if how == "held" else "zero in it"
-        return _finding(record, at, f"The load is {words}, as the motor file says", "")
-    return _finding(
-        record,
-        at,
-        "The load is the same on both sides, and the winding goes on as under it: it is held "
-        "through the gap",
-        f"If the load was off in the gap: {_line(record, 'zero')}. If nobody knows: "
-        f"{_line(record, 'unknown')}.",
-    )
-
-
-def _split(record: Record, at: int, is_stated: bool) -> Finding:
-    remedy = (
-        f"If the load was held: {_line(record, 'held')}. If it was off: {_line(record, 'zero')}. "
-        "The network then runs through the gap."
-    )
-    return _finding(
-        record,
-        at,
-        "The load in it is not known. Before and after are calibrated together, each from start "
-        "temperatures of its own; the stator's has a wide prior after the gap",
-        "" if is_stated else remedy,
-    )
-
-
-def _finding(record: Record, at: int, words: str, remedy: str) -> Finding:
+        words, remedy = f"The load is {words}, as the motor file says", ""
+    else:
+        words = (
+            "The load is the same on both sides, and the winding goes on as under it: it is held "
+            "through the gap"
+        )
+        remedy = f"If the load was off in the gap: {zero}. If nobody knows: {unknown}."
+    remedy = "" if is_stated else remedy
     from_s, to_s = (float(record.time_s[k]) for k in (at, at + 1))
     return Finding(
         "time_gap",
@@ -371,7 +362,3 @@ def _finding(record: Record, at: int, words: str, remedy: str) -> Finding:
         remedy,
         values={"longest_s": to_s - from_s, "from_s": from_s, "to_s": to_s},
     )
-
-
-def _line(record: Record, load: str) -> str:
-    return f'{table_header("tests", record.name, "gap")} load = "{load}"'

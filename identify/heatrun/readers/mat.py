@@ -106,13 +106,8 @@ def courses(leaf: Leaf, length: int) -> list[tuple[str, str, np.ndarray]] | None
     if is_vector(values):
         return [(leaf.name, leaf.heading, values.ravel())] if values.size == length else None
     values = values.squeeze()
-    if (
-        values.ndim != 2
-        or sorted(values.shape)[0] > MOST_COLUMNS
-        or values.shape[0] == values.shape[1]
-    ):
-        return None
-    if length not in values.shape:
+    is_table = values.ndim == 2 and min(values.shape) <= MOST_COLUMNS and length in values.shape
+    if not is_table or values.shape[0] == values.shape[1]:
         return None
     is_by_row = values.shape[0] == length
     return [

@@ -19,18 +19,8 @@ from .foreign import BrokenFileError
 HEADER_BYTES = 128
 TAG_BYTES = 8
 COMPRESSED, MATRIX = 15, 14
-STORED = {
-    1: "i1",
-    2: "u1",
-    3: "i2",
-    4: "u2",
-    5: "i4",
-    6: "u4",
-    7: "f4",
-    9: "f8",
-    12: "i8",
-    13: "u8",
-}
+STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8",
+          13: "u8"}  # fmt: skip
 """Number types on disk; a column of whole numbers may be stored in fewer bytes than it has."""
 
 NUMERIC_CLASSES = range(6, 16)  # double, single and the integers
@@ -77,7 +67,6 @@ def read_variables(data: bytes) -> dict[str, Value]:
 
 
 def _unpacked(content: memoryview, room: int) -> memoryview:
-    """Return a variable unpacked into at most `room` bytes."""
     machine = zlib.decompressobj()
     try:
         unpacked = machine.decompress(content, room + 1)
@@ -177,7 +166,6 @@ def _nested(
 
 
 def _text(parts: Iterator[tuple[int, memoryview]], order: str) -> Text:
-    """Return the letters of the next element."""
     kind, content = next(parts, (0, memoryview(b"")))
     codec = LETTERS.get(kind) or {1: "latin-1", 2: "latin-1"}.get(kind, "utf-16")
     codec += {"<": "-le", ">": "-be"}[order] if codec in ("utf-16", "utf-32") else ""
@@ -201,7 +189,6 @@ def _integers(parts: Iterator[tuple[int, memoryview]], order: str, what: str) ->
 
 
 def _numbers(parts: Iterator[tuple[int, memoryview]], order: str) -> np.ndarray:
-    """Return the numbers of the next element."""
     kind, content = next(parts, (0, memoryview(b"")))
     stored = STORED.get(kind)
     if stored is None:

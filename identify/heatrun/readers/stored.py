@@ -9,7 +9,7 @@ import io
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from ..record.header import split_name
 from ..record.table import Column, Question, Stated, Table
 from ..record.units import find_unit, is_unit, quantities_of
 from .foreign import library, reading
-from .historian import LONGEST_MARK, Variable, by_tag, is_time, without_bad
+from .historian import LONGEST_MARK, by_tag, columns_without_bad
 from .text.values import counted_times
 
 UNIT_KEYS = ("units", "unit", "unit_string", "ni_unitdescription", "unit_description")
@@ -48,33 +48,6 @@ LONGEST_UNIT = 100
 LONGEST_TEXT = 300
 
 SINCE = re.compile(r"(?P<unit>[A-Za-zµ]+)\s+since\s+\S.*", re.IGNORECASE | re.DOTALL)
-SECONDS = {
-    "days day d": 86400.0,
-    "hours hour hrs hr h": 3600.0,
-    "minutes minute mins min": 60.0,
-    "seconds second secs sec s": 1.0,
-    "milliseconds millisecond millisecs millisec msecs msec ms": 1e-3,
-    "microseconds microsecond microsecs microsec µs us": 1e-6,
-    "nanoseconds nanosecond ns": 1e-9,
-}
-SECONDS_OF = {word: seconds for words, seconds in SECONDS.items() for word in words.split()}
-"""Units of CF times that have a fixed length; a month and a year have none."""
-
-SPELLINGS = {
-    "degree_celsius": "degC",
-    "degrees_celsius": "degC",
-    "degreesc": "degC",
-    "degreec": "degC",
-    "degree_c": "degC",
-    "degrees_c": "degC",
-    "degree_kelvin": "K",
-    "degrees_kelvin": "K",
-    "degree_fahrenheit": "degF",
-    "degrees_fahrenheit": "degF",
-    "dimensionless": "1",
-}
-"""Units as UDUNITS spells them, where benches do not."""
-
 NO_UNIT = ("", "none", "null", "n/a", "unknown", "undefined", "nan")
 
 
@@ -146,12 +119,14 @@ def as_stated(raw: np.ndarray, attributes: Mapping[str, Any]) -> Stored:
     _scale(found, said)
     unit = _unit(found, said)
     if unit is not None and (since := SINCE.fullmatch(unit)):
-        factor = SECONDS_OF.get(since["unit"].casefold())
-        if factor is None:
+        # a month and a year have no fixed length; no name of a column says "day" for its unit
+        word = since["unit"]
+        known = find_unit("days" if word.casefold() == "day" else word, "time")
+        if known is None:
             found.problems.append(f"times in '{unit}', which have no fixed length")
             unit = None
         else:
-            found.values = found.values * factor
+            found.values = found.values * known.factor
             found.notes.append(unit)
             unit = "s"
     problem = f"The file says {'; '.join(found.problems)}: this is not understood."
@@ -161,21 +136,18 @@ def as_stated(raw: np.ndarray, attributes: Mapping[str, Any]) -> Stored:
 
 
 def _mark_missing(found: _Reading, said: Mapping[str, Any]) -> None:
-    """Replace what the file marks as missing by NaN."""
     before = np.isnan(found.values)
     missing = np.abs(found.values / NOT_WRITTEN - 1.0) < 1e-6
     for key in MISSING_KEYS:
         if key in said and (marks := _numbers(found, key, said[key])) is not None:
             missing |= np.isin(found.values, _as_stored(marks, found.stored_as))
-    low, high = -np.inf, np.inf
     limits = _numbers(found, "valid_range", said.get("valid_range", ()))
     if limits is not None and limits.size == 2:
-        low, high = float(limits[0]), float(limits[1])
-    for key in RANGE_KEYS[1:]:
+        missing |= (found.values < limits[0]) | (found.values > limits[1])
+    for key, is_beyond in (("valid_min", np.less), ("valid_max", np.greater)):
         limit = _numbers(found, key, said[key]) if key in said else None
         if limit is not None and limit.size == 1:
-            low, high = (float(limit[0]), high) if key == "valid_min" else (low, float(limit[0]))
-    missing |= (found.values < low) | (found.values > high)
+            missing |= is_beyond(found.values, limit)
     count = int(np.sum(missing & ~before))
     if count:
         found.values = np.where(missing, np.nan, found.values)
@@ -183,7 +155,6 @@ def _mark_missing(found: _Reading, said: Mapping[str, Any]) -> None:
 
 
 def _scale(found: _Reading, said: Mapping[str, Any]) -> None:
-    """Apply the scale and the offset that the file states."""
     factors = {"scale_factor": 1.0, "add_offset": 0.0}
     for key in SCALE_KEYS:
         if key not in said:
@@ -210,7 +181,6 @@ def _scale(found: _Reading, said: Mapping[str, Any]) -> None:
 
 
 def _unit(found: _Reading, said: Mapping[str, Any]) -> str | None:
-    """Return the unit text that stands beside the numbers."""
     units = []
     for key in UNIT_KEYS:
         text = said.get(key)
@@ -221,15 +191,16 @@ def _unit(found: _Reading, said: Mapping[str, Any]) -> str | None:
             continue
         text = text.strip().strip("\0")
         if text.casefold() not in NO_UNIT:
-            units.append(SPELLINGS.get(text.casefold(), text))
+            units.append(text)
     for key in TEXT_KEYS:
         text = said.get(key)
         if isinstance(text, str) and len(text) <= LONGEST_TEXT:
             named = split_name(text.strip("\0"))[1]
             if named is not None and is_unit(named):
-                units += [] if any(_is_same(named, unit) for unit in units) else [named]
-    if len(set(units)) > 1:
-        found.problems.append(f"two units, {' and '.join(units)}")
+                units.append(named)
+    others = [unit for unit in dict.fromkeys(units) if not _is_same(unit, units[0])]
+    if others:
+        found.problems.append(f"two units, {' and '.join((units[0], *others))}")
     return units[0] if units else None
 
 
@@ -289,7 +260,7 @@ def read_parquet(data: bytes, where: str) -> Table:
     library("pyarrow.parquet", "Parquet", where)
     with reading("a Parquet table", where):
         table, texts = _read_fields(data)
-        columns, variables, cells = [], [], {}
+        held, cells = [], {}
         by_column = _units_of_frame(table.schema)
         for field, chunks in zip(table.schema, table.columns, strict=True):
             # pandas' unnamed index of times
@@ -299,7 +270,7 @@ def read_parquet(data: bytes, where: str) -> Table:
             if values is None:
                 texts[name] = f"{field.type}"
                 cells[name] = chunks.to_pandas().rename(name)
-                variables.append(Variable(name, cells[name]))
+                held.append((name, cells[name], None))
                 continue
             if note:
                 start = note.rpartition("seconds from ")[2]
@@ -307,15 +278,8 @@ def read_parquet(data: bytes, where: str) -> Table:
             else:
                 stored = as_stated(values, _attributes(field, by_column.get(field.name)))
                 column = stored.column(name, stored.values, "the field's metadata")
-            is_clock = is_time(column, is_first=not columns)
-            variables.append(Variable(name, values, column.values, is_clock))
-            columns.append(column)
-        kept, _, findings = without_bad(variables, where)
-        places = [place for place, one in enumerate(variables) if one.values is not None]
-        columns = [
-            replace(column, values=kept.get(place, column.values))
-            for place, column in zip(places, columns, strict=True)
-        ]
+            held.append((name, values, column))
+        columns, findings = columns_without_bad(held, where)
         columns += _range_index(table.schema, table.num_rows)
     if not columns or table.num_rows == 0:
         raise InputError(

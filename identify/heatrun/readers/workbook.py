@@ -94,12 +94,10 @@ def _check(data: bytes, where: str) -> None:
     except (zipfile.BadZipFile, EOFError, ValueError, NotImplementedError) as error:
         raise BrokenFileError(f"damaged or cut: {error}") from error
     if WORKBOOK not in names:
-        got, remedy = (
-            "a zip archive or another spreadsheet",
-            "Unpack it, or save it as .xlsx or CSV.",
-        )
-        if BINARY_WORKBOOK in names:
-            got, remedy = "a binary workbook", "Save it as .xlsx."
+        got, remedy = "a binary workbook", "Save it as .xlsx."
+        if BINARY_WORKBOOK not in names:
+            got = "a zip archive or another spreadsheet"
+            remedy = "Unpack it, or save it as .xlsx or CSV."
         problem = f"Expected CSV, MAT, Parquet, MDF, TDMS or Excel, got {got}."
         raise InputError(problem, where=where, remedy=remedy)
     if size > LARGEST_BYTES:

@@ -85,9 +85,11 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
         Unit("s", ("sec", "secs", "sec.", "second", "seconds", "sek", "sek.", "Sekunde",
                    "Sekunden", "secondo", "secondi", "seconde", "secondes", "segundos", "秒",
                    "초")),
-        Unit("ms", ("msec", "msecs", "millisecond", "milliseconds", "millisec", "Millisekunde",
+        Unit("ms", ("msec", "msecs", "millisecond", "milliseconds", "millisec", "millisecs",
+                    "Millisekunde",
                     "Millisekunden", "millisecondi", "millisecondes", "毫秒", "ミリ秒"), 1e-3),
-        Unit("us", ("µs", "usec", "µsec", "microsecond", "microseconds", "Mikrosekunden"), 1e-6),
+        Unit("us", ("µs", "usec", "µsec", "microsecond", "microseconds", "microsec",
+                    "microsecs", "Mikrosekunden"), 1e-6),
         Unit("ns", ("nsec", "nanosecond", "nanoseconds", "Nanosekunden"), 1e-9),
         Unit("min", ("mins", "min.", "minute", "minutes", "Minuten", "minuto", "minuti",
                      "minutos", "分", "分钟", "분"), 60.0),
@@ -103,12 +105,15 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
                       "degré Celsius", "degrés Celsius", "degres Celsius", "degrés C",
                       "grados Celsius", "摄氏度", "攝氏度", "摂氏", "섭씨", "centigrade",
                       "degrees centigrade", "Cel", "oC", "Â°C",
-                      "&deg;C", "\ufffdC", "?C")),  # of a page of the web
+                      "&deg;C", "\ufffdC", "?C",  # of a page of the web
+                      "degree_Celsius", "degrees_Celsius", "degreesC", "degreeC", "degree_C",
+                      "degrees_C")),  # of netCDF
         Unit("K", ("kelvin", "kelvins", "degK", "deg K", "deg_K", "°K", "degrees kelvin",
-                   "Grad Kelvin", "gradi Kelvin"), 1.0, -273.15),
+                   "Grad Kelvin", "gradi Kelvin", "degree_Kelvin", "degrees_Kelvin"), 1.0, -273.15),
         Unit("degF", ("°F", "F", "deg F", "deg. F", "deg_F", "degree F", "degrees F",
                       "Fahrenheit", "degree Fahrenheit", "degrees Fahrenheit", "deg Fahrenheit",
-                      "Grad Fahrenheit", "gradi Fahrenheit", "oF", "Â°F", "\ufffdF", "?F"),
+                      "Grad Fahrenheit", "gradi Fahrenheit", "oF", "Â°F", "\ufffdF", "?F",
+                      "degree_Fahrenheit", "degrees_Fahrenheit"),
              5.0 / 9.0, -160.0 / 9.0),
     ),
     "phase current": (
@@ -213,7 +218,7 @@ QUANTITIES: dict[str, tuple[Unit, ...]] = {
         Unit("Mohm", ("MΩ", "MOhm", "megohm", "megaohm"), 1e6),
     ),
     "fraction": (
-        Unit("1", ("-", "on/off", "0/1", "bool", "p.u.", "p.u", "pu")),
+        Unit("1", ("-", "on/off", "0/1", "bool", "p.u.", "p.u", "pu", "dimensionless")),
         Unit("%", ("percent", "pct", "per cent", "Prozent", "percento", "pour cent"), 1e-2),
     ),
 }  # fmt: skip

@@ -21,7 +21,7 @@ from heatrun.io.whole_files import (
     together,
     write_whole,
 )
-from heatrun.motor.file import NAME
+from heatrun.motor.population import NAME
 from heatrun.results import to_json, to_plain
 from heatrun.runs.run import Run, open_run
 from heatrun.runs.run_folder import refuse_unwritable

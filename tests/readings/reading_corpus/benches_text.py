@@ -10,16 +10,11 @@ import numpy as np
 from .case import Case, Truth
 from .table import Layout, Sheet
 from .units import FIVE, SEVEN
-from .unseen_file import comma, made
+from .unseen_file import comma, made, names_of
 
 READ, ASK = Truth.READ, Truth.ASK
 HEADS = "t [s]|I [A]|P [W]|T_a [°C]|T_w [°C]"
 START = datetime(2025, 9, 23, 11, 58, 20)
-
-
-def mapped(sheet: Sheet) -> dict[str, str]:
-    """Return the `[columns]` of the channels, by the bare names."""
-    return {column.channel: column.header for column in sheet.columns if column.channel}
 
 
 LABVIEW = (
@@ -69,7 +64,7 @@ def headers() -> Iterator[Case]:
         )  # fmt: skip
     for name, before in PREAMBLES:
         sheet = made(next(n), HEADS)
-        yield sheet.case(cause, name, READ, Layout(";", before=before), columns=mapped(sheet))
+        yield sheet.case(cause, name, READ, Layout(";", before=before), columns=names_of(sheet))
 
 
 def signs() -> Iterator[Case]:
@@ -93,10 +88,10 @@ def signs() -> Iterator[Case]:
         sheet = made(next(n), heads, shift_s=shift_s)
         written = sheet.with_cells("*", apart(width))
         written = comma(written) if name == "decimal comma" else written
-        yield written.case(cause, name, READ, layout, columns=mapped(sheet))
+        yield written.case(cause, name, READ, layout, columns=names_of(sheet))
     sheet = made(next(n), HEADS)
     written = sheet.with_cells("*", lambda cell: f"+ {float(cell):.8E}")
-    yield written.case(cause, "exponents", READ, Layout(), columns=mapped(sheet))
+    yield written.case(cause, "exponents", READ, Layout(), columns=names_of(sheet))
 
 
 ENCODED: tuple[tuple[str, str, str, str, tuple[str, ...]], ...] = (
@@ -122,7 +117,7 @@ def encodings() -> Iterator[Case]:
     for number, (name, codec, heads, units, below) in enumerate(ENCODED, 1440):
         sheet = made(number, heads, units)
         layout = Layout(",", codec, "\r\n", below=(below,) if below else ())
-        yield sheet.case("East Asian encodings", name, READ, layout, columns=mapped(sheet))
+        yield sheet.case("East Asian encodings", name, READ, layout, columns=names_of(sheet))
 
 
 RATES: tuple[tuple[str, dict[str, tuple[int, int]], str], ...] = (
@@ -263,7 +258,7 @@ def restarts() -> Iterator[Case]:
                 lines = [*lines[:place], *again, *lines[place:]]
             return lines
 
-        yield sheet.case(cause, name, READ, replace(layout, rows=rows), columns=mapped(sheet))
+        yield sheet.case(cause, name, READ, replace(layout, rows=rows), columns=names_of(sheet))
 
 
 SOURCES = (headers, signs, encodings, rates, clocks, unit_rows, orders, restarts)

@@ -4,7 +4,6 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import count
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from .case import Case, Truth
 from .headers import subject
 from .table import STEMS, THESIS, Sheet, sheet
 from .units import SEVEN
-from .writers import SPELLED, Attributes, hdf, mdf, parquet, tdms
+from .writers import SPELLED, Attributes, hdf, mdf, netcdf3, parquet, tdms
 
 HDF, PARQUET, OTHER = "HDF5 and netCDF", "Parquet", "MATLAB, MDF and TDMS"
 READ, ASK, PLAIN, CONFLICT = Truth.READ, Truth.ASK, Truth.PLAIN, Truth.CONFLICT
@@ -127,16 +126,8 @@ def hdf_files() -> Iterator[Case]:
     yield of_hdf("attributes that say nothing", PLAIN, named(1, {}), {"losses_W": said}, about="")
     yield of_hdf("kW, not stated", ASK, named(4, CLEAR), about=FACTOR)
     made = named(5, CLEAR)
-
-    def netcdf3(path: Path) -> None:
-        with scipy.io.netcdf_file(path, "w") as file:
-            file.createDimension("time", len(made.truth["time_s"]))
-            for column in made.columns:
-                variable = file.createVariable(column.header, "f8", ("time",))
-                variable[:] = column.numbers
-                variable.units = column.unit
-
-    yield made.case(HDF, "netCDF 3", ASK, netcdf3, suffix=".nc")
+    content = netcdf3(made, [column.unit for column in made.columns])
+    yield made.case(HDF, "netCDF 3", ASK, content, suffix=".nc")
 
 
 def parquet_files() -> Iterator[Case]:

@@ -55,15 +55,9 @@ MACHINES = (
 
 @cache
 def heat_run(number: int, rows: int, step_s: float) -> dict[str, np.ndarray]:
-    """Return the canonical channels of a heat run.
+    """Return the canonical channels, shape (rows,), of a heat run of a machine and a load.
 
-    Args:
-        number: Chooses the machine and the load.
-        rows: So many samples.
-        step_s: Between two samples [s].
-
-    Returns:
-        Canonical channel to values, shape (rows,).
+    Samples are step_s [s] apart.
     """
     machine = MACHINES[number % len(MACHINES)]
     rng = np.random.default_rng(1000 + number)

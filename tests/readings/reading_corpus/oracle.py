@@ -46,12 +46,7 @@ def motor_of(text: str) -> Motor:
 def judge(case: Case, folder: Path, number: int = 0, *, physics: bool = True) -> Outcome:
     """Write the file, read it and compare.
 
-    Args:
-        case: The file with its truth.
-        folder: Where it is written to.
-        number: Of the file.
-        physics: Let the checks of the record speak too; without them the readers stand alone, and
-            of the checks only the one for missing channels is made.
+    Without physics the readers stand alone: of the checks only that of missing channels is made.
     """
     path = case.write(folder, number)
     try:

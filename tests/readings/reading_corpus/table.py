@@ -119,19 +119,12 @@ def sheet(
     written_s: float | None = None,
     shift_s: float = 0.0,
 ) -> Sheet:
-    """Return a heat run as columns.
+    """Return a heat run of a machine and a load, which the number chooses, as columns.
 
-    Args:
-        number: Chooses machine and load.
-        rows: Samples.
-        step_s: Between samples [s].
-        channels: Which are in the file, in this order.
-        units: By channel: the unit that its numbers are in; by default the canonical one.
-        headers: By channel: its name in the file; by default the canonical name, or `stem [unit]`.
-        decimals: By channel: digits after the point; by default six significant digits.
-        cells: By channel: writes a canonical value as a cell, for clocks.
-        written_s: What such a cell rounds the time to [s].
-        shift_s: Added to all times.
+    The channels stand in this order. By channel are given what its numbers are in (the canonical
+    unit by default), its name in the file (the canonical one, or `stem [unit]`), digits after the
+    point (six that count), and, for clocks, what writes a canonical value as a cell, which rounds
+    the time to so much [s]. The shift is added to all times [s].
     """
     units, headers, decimals, cells = units or {}, headers or {}, decimals or {}, cells or {}
     run = heat_run(number, rows, step_s)

@@ -16,7 +16,7 @@ from .table import Sheet
 from .units import FIVE
 from .unseen_doubts import UNIT
 from .unseen_file import made, unseen
-from .writers import hdf, parquet
+from .writers import hdf, netcdf3, parquet
 
 READ, PLAIN, ASK, CONFLICT = Truth.READ, Truth.PLAIN, Truth.ASK, Truth.CONFLICT
 NAMES = "time|I|P|Ta|Tw"
@@ -144,15 +144,8 @@ def matlab_files() -> Iterator[Case]:
     yield unseen("MATLAB with a cell of units", ASK, sheet, matlab(
         {**vectors(sheet), "units": cells}), suffix=".mat", subject=UNIT)  # fmt: skip
     sheet = made(next(n), NAMES, "min - kW - -")
-
-    def classic(path: Path) -> None:
-        with scipy.io.netcdf_file(path, "w") as file:
-            file.createDimension("time", 160)
-            for column, unit in zip(sheet.columns, ("min", "A", "kW", "degC", "degC"), strict=True):
-                variable = file.createVariable(column.header, "d", ("time",))
-                variable[:], variable.units = column.numbers, unit
-
-    yield unseen("netCDF 3", ASK, sheet, classic, suffix=".nc")
+    content = netcdf3(sheet, ("min", "A", "kW", "degC", "degC"))
+    yield unseen("netCDF 3", ASK, sheet, content, suffix=".nc")
 
 
 def parquet_files() -> Iterator[Case]:

@@ -35,17 +35,8 @@ def made(
 ) -> Sheet:
     """Return a heat run as columns, as `sheet`.
 
-    Args:
-        number: Chooses machine and load.
-        heads: Names in the file, between `|`; by default the canonical ones.
-        units: Of the numbers, between blanks or, where one holds a blank, between `|`.
-        channels: Which are in the file, in this order.
-        rows: Samples.
-        step_s: Between samples [s].
-        digits: By channel: after the point; by default six that count.
-        clock: Writes the time as a cell.
-        written_s: What such a cell rounds the time to [s].
-        shift_s: Added to all times.
+    Names stand between `|`, units between blanks or, where one holds a blank, between `|`; by
+    default they are canonical. The clock writes the time as a cell.
     """
     names = heads.split("|") if heads else channels
     keys = (units.split("|") if "|" in units else units.split()) or ["-"] * len(channels)

@@ -1,6 +1,6 @@
 """Writers of HDF5, Parquet, MDF and TDMS files."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+import scipy.io
 
 from .table import Column, Sheet
 
@@ -20,16 +21,11 @@ def hdf(
     made: Sheet, attributes: Attributes | None = None, *, packed: Mapping[str, tuple] | None = None,
     group: str = "", text: type = str, row: bool = False, netcdf: bool = False,
 ) -> Callable[[Path], None]:  # fmt: skip
-    """Return a function that writes an HDF5 file.
+    """Return a function that writes an HDF5 file, its data sets named after the headers.
 
-    Args:
-        made: Its columns; the data sets are named after their headers.
-        attributes: By channel: attributes of the data set.
-        packed: By channel: type, scale and offset of integers.
-        group: Where the data sets lie.
-        text: `str`, or `bytes` for attributes of fixed length as older programs write them.
-        row: Values as a row of a matrix, as MATLAB does.
-        netcdf: With the dimension scale that netCDF 4 has.
+    By channel stand the attributes, and type, scale and offset of integers. Texts are `str`, or
+    `bytes` for attributes of fixed length as older programs write them; values are a row of a
+    matrix, as MATLAB has them; netCDF 4 has a dimension scale.
     """
     attributes, packed = attributes or {}, packed or {}
 
@@ -53,6 +49,19 @@ def hdf(
                 time.make_scale("time")
                 for column in made.columns[1:]:
                     place[column.header].dims[0].attach_scale(time)
+
+    return write
+
+
+def netcdf3(made: Sheet, units: Sequence[str]) -> Callable[[Path], None]:
+    """Return a function that writes a classic netCDF file."""
+
+    def write(path: Path) -> None:
+        with scipy.io.netcdf_file(path, "w") as file:
+            file.createDimension("time", len(made.columns[0].numbers))
+            for column, unit in zip(made.columns, units, strict=True):
+                variable = file.createVariable(column.header, "f8", ("time",))
+                variable[:], variable.units = column.numbers, unit
 
     return write
 

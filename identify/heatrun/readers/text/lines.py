@@ -110,34 +110,27 @@ def _decode(data: bytes, where: str) -> tuple[str, str]:
             return _strict(data[len(mark) :], codec, name, where), name
     if ISO_2022_JP.search(data, 0, SAMPLE_BYTES):
         return _strict(data, "iso2022_jp_ext", "ISO-2022-JP", where), "ISO-2022-JP"
-    half = _utf16_without_mark(data)
-    if half:
+    if half := _utf16_without_mark(data):
         return _strict(data, half, "UTF-16", where), "UTF-16"
-    try:
-        return data.decode("utf-8"), "UTF-8"
-    except UnicodeDecodeError as error:
-        if (
-            error.start >= len(data) - LONGEST_UTF8_CHARACTER
-            and error.start > 0
-            and not data[: error.start].isascii()  # which makes UTF-8 certain
-        ):
-            return data[: error.start].decode("utf-8"), "UTF-8, cut inside the last character"
     for name in _likely(data):
         try:
             return data.decode(CODECS[name]), name
         except UnicodeDecodeError as error:
-            if error.start >= len(data) - LONGEST_UTF8_CHARACTER:
-                cut = data[: error.start].decode(CODECS[name])
-                return cut, f"{name}, cut inside the last character"
+            head = data[: error.start]
+            is_cut = error.start >= len(data) - LONGEST_UTF8_CHARACTER
+            # letters of more than one byte make UTF-8 certain
+            if is_cut and (name != "UTF-8" or not head.isascii()):
+                return head.decode(CODECS[name]), f"{name}, cut inside the last character"
     return data.decode("latin-1"), "Latin-1"
 
 
-def _likely(data: bytes) -> list[str]:
-    """Return the encodings that come into question, the likeliest first.
+def _likely(data: bytes) -> Iterator[str]:
+    """Yield the encodings that come into question: UTF-8, and the others by how likely they are.
 
-    It is the one in which most is understood: units and words of the bench before all, then the
+    That is the one in which most is understood: units and words of the bench before all, then the
     share of the characters that are ordinary in it.
     """
+    yield "UTF-8"
     found = re.finditer(rb"[^\r\n]*[\x80-\xff][^\r\n]*", data)
     lines = b"\n".join(dict.fromkeys(line[0] for line in itertools.islice(found, MOST_LINES)))
     scored = []
@@ -152,7 +145,7 @@ def _likely(data: bytes) -> list[str]:
         count += _num_common(text, codec, common) if common else 0
         if known or 2 * count > foreign or codec == "cp1252":
             scored.append((-known, -count / max(foreign, 1), name))
-    return [name for *_, name in sorted(scored, key=lambda one: one[:2])]
+    yield from (name for *_, name in sorted(scored, key=lambda one: one[:2]))
 
 
 def _num_common(text: str, codec: str, common: bytes) -> int:
@@ -180,15 +173,10 @@ def _strict(data: bytes, codec: str, name: str, where: str) -> str:
 
 def _utf16_without_mark(data: bytes) -> str | None:
     """Return the codec if every other byte is mostly zero, as in UTF-16 text of numbers."""
-    sample = data[:SAMPLE_BYTES]
-    pairs = len(sample) // 2
-    if pairs == 0:
-        return None
-    high_second, high_first = sample[1::2].count(0), sample[0::2].count(0)
-    if high_second > 0.8 * pairs and high_first < 0.05 * pairs:
-        return "utf-16-le"
-    if high_first > 0.8 * pairs and high_second < 0.05 * pairs:
-        return "utf-16-be"
+    first, second = data[:SAMPLE_BYTES:2], data[1:SAMPLE_BYTES:2]
+    for codec, high, low in (("utf-16-le", second, first), ("utf-16-be", first, second)):
+        if high.count(0) > 0.8 * len(high) and low.count(0) < 0.05 * len(high):
+            return codec
     return None
 
 
@@ -207,7 +195,7 @@ MOST_FOOTERS = 10  # lines of words below a table; more of them are a first colu
 
 MOST_RESTARTS = 8  # parts of more of them are not written out
 
-NUM_NAMED = 5  # so many line numbers stand in a message
+NUM_NAMED = 5  # so many line numbers or spans of time stand in a message
 
 
 @dataclass(frozen=True)

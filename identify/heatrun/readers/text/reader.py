@@ -20,9 +20,9 @@ from ...record.record import Finding
 from ...record.table import PREAMBLE, Column, Question, Stated, Table, kind_of_frames, no_signals
 from ...record.units import find_unit, is_unit
 from ..clock import TimeFormat, parse_time_format, stated_format
-from ..historian import Variable, by_clock, by_tag, is_time, without_bad
+from ..historian import by_clock, by_tag, columns_without_bad
 from .layout import DELIMITERS, Layout, find_layout
-from .lines import CODECS, DataLines, data_lines, decode, ragged_lines, restarted
+from .lines import CODECS, NUM_NAMED, DataLines, data_lines, decode, ragged_lines, restarted
 from .remarks import X_NAME, stated_raster, units_of_remarks
 from .values import MISSING, findings_of, read_values, signs_joined, unsettled_cells
 from .written_otherwise import from_json, units_over_columns
@@ -66,9 +66,6 @@ def hints_of(
 
 
 NO_HINTS = Hints()
-
-
-NUM_NAMED = 5  # so many spans stand in a message
 
 
 def with_missing_rows(
@@ -229,7 +226,9 @@ def read_text(
         findings += findings_of(values, name, body.numbers, where)
     _refuse_second_header(unreadable, body.numbers, where)
     columns = _with_milliseconds(columns)
-    columns, bad = _without_bad(columns, places, frame, layout.names, body.numbers, where)
+    read = dict(zip(places, columns, strict=True))
+    held = [(name, frame.iloc[:, i], read.get(i)) for i, name in enumerate(layout.names)]
+    columns, bad = columns_without_bad(held, where, body.numbers)
     findings += bad
     settled = next((columns[index] for index in asked if _is_hot(columns[index])), None)
     if settled is not None:
@@ -256,28 +255,6 @@ def read_text(
     )
     cells = {name: frame.iloc[:, index].rename(name) for index, name in enumerate(layout.names)}
     return by_clock(by_tag(table, cells, where))
-
-
-def _without_bad(
-    columns: Sequence[Column],
-    places: Sequence[int],
-    frame: pd.DataFrame,
-    names: Sequence[str],
-    lines: np.ndarray,
-    where: str,
-) -> tuple[list[Column], list[Finding]]:
-    """Return the columns, of these places in the file, without the readings marked as not good."""
-    of_place = dict(zip(places, columns, strict=True))
-    variables = []
-    for place, name in enumerate(names):
-        column = of_place.get(place)
-        values = None if column is None else column.values
-        is_clock = column is not None and is_time(column, is_first=place == places[0])
-        variables.append(Variable(name, frame.iloc[:, place], values, is_clock))
-    kept, _, findings = without_bad(variables, where, lines=lines)
-    return [
-        replace(column, values=kept.get(place, column.values)) for place, column in of_place.items()
-    ], findings
 
 
 def _label_and_unit(

@@ -66,12 +66,9 @@ def units_of_row(row: Sequence[str], names: Sequence[str] | None = None) -> list
     if names is not None:
         cells = ["" if cell.strip("[]()").casefold() in NO_UNITS else cell for cell in cells]
     units = [unit_of_cell(cell) for cell in cells]
-    filled = [cell for cell in cells if cell and not set(cell) <= RULE]
-    unknown = [
-        cell
-        for cell, unit in zip(cells, units, strict=True)
-        if cell and unit is None and not set(cell) <= RULE
-    ]
+    pairs = zip(cells, units, strict=True)
+    filled = [(cell, unit) for cell, unit in pairs if cell and not set(cell) <= RULE]
+    unknown = [cell for cell, unit in filled if unit is None]
     num_known = len(filled) - len(unknown)
     if num_known < 1 or any(len(cell) > LONGEST_UNIT for cell in unknown):
         return None

@@ -192,10 +192,7 @@ def is_rule(row: Sequence[str]) -> bool:
 
 def trimmed(row: list[str]) -> list[str]:
     """Return a row without the empty cells at its end."""
-    end = len(row)
-    while end and not row[end - 1]:
-        end -= 1
-    return row[:end]
+    return row[: max((end for end, cell in enumerate(row, 1) if cell), default=0)]
 
 
 STAMPS = 19900101000000, 21000101000000
@@ -229,14 +226,9 @@ def read_values(
 ) -> Values | str:
     """Return the values of a column, or its first text if it holds no value at all.
 
-    Args:
-        cells: One column as the table parser left it: numbers, truth values or texts.
-        decimal: Decimal sign of the file.
-        name: Name of the column, for the answers to a question.
-        stated: The format of times that the header or `[columns]` states; cells that are not of
-            it are not read in another.
-        has_thousands: The decimal sign is stated, so that the other sign can only separate
-            thousands.
+    The table parser leaves cells as numbers, truth values or texts. Where header or `[columns]`
+    state a format of times, cells that are not of it are not read in another. The other sign can
+    only separate thousands where the decimal sign is stated.
     """
     if pd.api.types.is_bool_dtype(cells.dtype):
         return Values(cells.to_numpy(dtype=float), note="true and false read as 1 and 0")
