@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -79,12 +80,15 @@ def reduce(
 
     means, notes = _means(record, motor, edges, step)
     winding, at_s, reading = _body(record, "winding_degC", edges, shape)
-    of_winding = {each.name: getattr(winding, each.name) for each in fields(Readings)}
+    of_winding: dict[str, Any] = {
+        each.name: getattr(winding, each.name) for each in fields(Readings)
+    }
+    of_winding["start_degC"] = _start(at_s, reading, step * steps_per_block)
     bodies = (body for body in BODIES if body in record and np.isfinite(record[body]).any())
     return Blocks(
         name=record.name,
         means=means,
-        **(of_winding | {"start_degC": _start(at_s, reading, step * steps_per_block)}),
+        **of_winding,
         block_s=step * steps_per_block,
         sample_s=sample_s,
         bodies=tuple(_body(record, body, edges, shape)[0] for body in bodies),
