@@ -1,4 +1,8 @@
-"""Noise and least squares in turns, for machines side by side, until the scores stand still."""
+"""Noise and least squares in turns, for machines side by side, until the scores stand still.
+
+The noise is told from the residuals, the parameters integrated out: the restricted likelihood is
+that of `heatrun.fit.restricted`, mapped over lanes.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +16,25 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from heatrun.fit.fit import NUM_ROUNDS, SETTLED, SIDE, is_corner, near_corner
-from heatrun.fit.restricted import STARTS_S
+from heatrun.fit.restricted import SCORE_LIMIT, STARTS_S, marginal
 from heatrun.io.programs import compiled
 from heatrun.model.discrepancy import MOST_COLUMNS, with_heat
-from heatrun.model.noise import HEAT, NOISE, Noise, from_scores
+from heatrun.model.noise import HEAT, LARGEST_SCORES, NOISE, Noise, from_scores
 from heatrun.model.problem import Problem, Structure
 
 from .march import Machines
-from .residuals import Means
-from .restricted import Linear, noise_begun, search_noise
-from .search import MOST_STEPS, Search, begun, kept, linearise, search
+from .residuals import Means, each, inner_products
+from .search import (
+    MOST_STEPS,
+    Normal,
+    Search,
+    begun,
+    descended,
+    kept,
+    linearise,
+    search,
+    units,
+)
 
 BEFORE_CORNERS = 25
 """Steps of a search after which a delay of next to nothing is held at none: it may be most probable
@@ -29,6 +42,13 @@ there, where no search ends."""
 
 TOGETHER = 0.03
 """Noises nearer than this in all scores have come together [prior standard deviations]."""
+
+
+CURVATURE = (600.0, 30.0, 300.0, 5.0)
+"""Second derivatives that a search begins with [nat]: of some hundred blocks, per prior sd."""
+
+LOW = np.full((len(LARGEST_SCORES), 1), -SCORE_LIMIT)
+HIGH = np.array(LARGEST_SCORES)[:, None]
 
 
 class Settled(NamedTuple):
@@ -40,6 +60,15 @@ class Settled(NamedTuple):
     shift: Float[Array, " machine"]  # Change of the scores in the last turn.
     has_ended: Bool[Array, " machine"]  # Whether all searches of the machine have converged.
     has_rival: Bool[Array, " machine"]  # Whether another noise is as probable.
+
+
+class Linear(NamedTuple):
+    """The linear model around a fit, on which the noise is estimated: scores, and residuals and
+    Jacobian of each group of tests there.
+    """
+
+    z: Float[Array, "parameter lane"]
+    means: list[Means]
 
 
 def settle(
@@ -158,9 +187,9 @@ def _first_noise(machines: Machines, linear: Linear) -> tuple[Search, Bool[Array
         return of_first, has_rival
     others = [_with_parameters(machines, linear, each) for each in tried]
     best, _ = _best([of_first, *others])
-    for each in others:
-        is_far = jnp.max(jnp.abs(each.z - best.z), axis=0) > TOGETHER
-        has_rival |= is_far & (each.normal.cost - best.normal.cost < RIVAL)
+    for other in others:
+        is_far = jnp.max(jnp.abs(other.z - best.z), axis=0) > TOGETHER
+        has_rival |= is_far & (other.normal.cost - best.normal.cost < RIVAL)
     return kept(is_alone, of_first, best), has_rival & ~is_alone
 
 
@@ -210,3 +239,54 @@ def _noise_starts(machines: Machines, means: list[Means]) -> list[Float[Array, "
         jnp.stack([score(0, spread), score(1, time * ones), score(2, spread), 0.0 * ones])
         for time in STARTS_S
     ]
+
+
+def restricted(
+    machines: Machines, linear: Linear, noise_z: Float[Array, "noise lane"]
+) -> tuple[Float[Array, " lane"], Float[Array, "noise lane"]]:
+    """Return minus the restricted likelihood of the noise of each machine [nat], and its slope."""
+
+    def value(noise_z: Float[Array, "noise lane"]) -> tuple[Float[Array, ""], Array]:
+        products, log_sd = inner_products(machines, linear.means, from_scores(noise_z))
+        found = -each(marginal)(products, log_sd, noise_z, linear.z)
+        return jnp.sum(found), found  # no machine's value depends on another's noise
+
+    slope, found = jax.grad(value, has_aux=True)(noise_z)
+    return found, slope
+
+
+def noise_begun(start: Float[Array, "noise lane"], curvature: Array | None = None) -> Search:
+    """Return searches that stand at their starts, moved within the limits."""
+    usual = jnp.asarray(CURVATURE)[:, None, None] * units(start)
+    return begun(jnp.clip(start, LOW, HIGH), usual if curvature is None else curvature)
+
+
+@compiled()
+def search_noise(machines: Machines, linear: Linear, state: Search) -> Search:
+    """Go on with a search for the noise of each machine: quasi-Newton steps within the limits."""
+
+    def look(noise_z: Array, before: Normal, step: Array) -> Normal:
+        value, slope = restricted(machines, linear, noise_z)
+        return Normal(value, slope, _updated(before.curvature, step, slope - before.gradient))
+
+    none = jnp.zeros(state.z.shape, dtype=bool)
+    return descended(state, jnp.asarray(MOST_STEPS), look, none, LOW, HIGH)
+
+
+def _updated(curvature, step, change) -> Float[Array, "noise noise lane"]:
+    """Return the second derivative with what a step has shown of it (BFGS, damped by Powell).
+
+    Reference: J. Nocedal, S. J. Wright, Numerical Optimization, 2nd ed., procedure 18.2.
+    """
+    pushed = jnp.einsum("ijw,jw->iw", curvature, step)
+    inner, seen = jnp.sum(step * pushed, axis=0), jnp.sum(step * change, axis=0)
+    is_enough = seen >= 0.2 * inner
+    theta = jnp.where(is_enough, 1.0, 0.8 * inner / jnp.where(is_enough, 1.0, inner - seen))
+    change = theta * change + (1.0 - theta) * pushed
+    seen = jnp.sum(step * change, axis=0)
+    is_wanted = (inner > 1e-28) & (seen > 1e-28)
+    inner, seen = jnp.where(is_wanted, inner, 1.0), jnp.where(is_wanted, seen, 1.0)
+    after = (
+        curvature - pushed[:, None] * pushed[None] / inner + change[:, None] * change[None] / seen
+    )
+    return jnp.where(is_wanted, after, curvature)
