@@ -249,12 +249,14 @@ def test_what_half_of_the_evidence_does_not_ask_for_is_allowed_for(search):
     told = {each.effects: replace(each, log_weight=0.0) for each in (none, few, both)}
     told[more.effects] = replace(more, log_weight=1.0)
     reached_K = {few.effects: 1.0, both.effects: 0.10, more.effects: 0.10}
-    tried = replace(search, fitted=told, _reached=reached_K)
+    tried = replace(search, fitted=dict(told), _reached=reached_K)
     assert tried.fullest(told[few.effects]).effects == both.effects
     assert tried.fullest(told[both.effects]).effects == both.effects
     reached_K[more.effects] = 0.09  # a trace moves the parameters too
+    tried = replace(search, fitted=dict(told), _reached=reached_K)
     assert tried.fullest(told[few.effects]).effects == more.effects
     told[few.effects] = replace(few, log_weight=2.0)
+    tried = replace(search, fitted=dict(told), _reached=reached_K)
     assert tried.fullest(told[few.effects]).effects == few.effects
     assert tried.fullest(none) is none  # an effect beside none is averaged over, not in the model
 
