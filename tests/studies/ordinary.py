@@ -3,7 +3,7 @@
 Six kinds of machines, each with two to four imperfections at once, go as files through `heatrun
 calibrate` (a share of them through `discover` too) and are read back from the run folder. Rows go
 to a file as they come; a run that was killed goes on from there. Seed 8000 is for tuning, reports
-use seed 100000 (80000 to 99071 were looked at).
+use seed 100300 (80000 to 100223 were before it).
 """
 
 import json
@@ -24,7 +24,7 @@ from ordinary_machines import KINDS, Case, make, resistance, structure_fitted, w
 from page_numbers import said_and_simulated
 from study_runs import Row, command, options_of, run_study, temporary
 
-REPORTING_SEED = 99_000
+REPORTING_SEED = 100_300
 """Tuning used those from 8000 on."""
 
 IN_SET = 0.1
