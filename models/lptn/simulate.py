@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .effects.base import AbstractEffect, SensorEffect
+from .effects.base import AbstractEffect, SensorEffect, extended
 from .inputs import Inputs
 from .march import heat_effects, is_concrete, march, prepare, sensed_march
 from .network import CopperLosses, Link, Network, Sensor, lagged
@@ -172,12 +172,17 @@ def reference(
     return _trace(network, losses, inputs, temperature, effects, sensor)
 
 
-def longest_step(network: Network) -> Float[Array, ""]:
+def longest_step(network: Network, effects: Iterable[AbstractEffect] = ()) -> Float[Array, ""]:
     """Return the longest step [s] that the explicit method takes with a bounded error.
+
+    Args:
+        network: The base network.
+        effects: What is in it beside; those with nodes of their own count.
 
     The row sums of |A| bound every eigenvalue (Gershgorin); the method is stable up to
     |h lambda| = 2.5, and less than half of that keeps the decay of the fastest node monotonous.
     """
+    network = extended(network, effects)
     rate = []
     for node in network.nodes:
         conductance = sum(

@@ -5,6 +5,7 @@ stand in tests of their own.
 """
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from types import SimpleNamespace
@@ -98,6 +99,8 @@ def test_each_step_that_failed_is_a_finding(step, left):
             assert finding.severity == "warning"
             assert "LinAlgError: Singular matrix" in finding.message
             assert "test_failed_steps.py" in finding.message
+            # and the line of ours that asked for it
+            assert re.search(r", for \w+\.py, line \d+\)", finding.message)
             assert "report" in finding.remedy
 
 

@@ -17,6 +17,7 @@ from heatrun.record.motor import ParameterOverride
 from heatrun.record.record import Record
 from heatrun.record.reduction import reduce
 from heatrun.runs.run import ModelOfRun, model_text, read_model
+from lptn.effects import EndWindingNode
 
 COLUMNS = {
     "t": "time_s", "Is": "phase_current_A", "Pd": "losses_W", "Te": "ambient_degC",
@@ -128,3 +129,11 @@ def test_a_change_may_make_a_node_too_fast_for_the_steps(motor):
     changes = {"Req_w_change": np.array([0.0, -8.0])}
     assert too_stiff(model, values | changes, 5.0).tolist() == [False, True]
     assert not np.any(too_stiff(model, values, 5.0))
+
+
+def test_an_effect_may_make_a_node_too_fast_for_the_steps(motor):
+    model = Model.of("second", motor, (EndWindingNode,))
+    values = {name: np.full(2, value) for name, value in NETWORK.items()}
+    overhang = {"f": np.array([0.5, 0.98]), "tau": np.full(2, 20.0), "p": np.full(2, 0.5)}
+    values |= {f"end_winding_node.{name}": draws for name, draws in overhang.items()}
+    assert too_stiff(model, values, 2.0).tolist() == [False, True]

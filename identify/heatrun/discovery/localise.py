@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from lptn import Inputs, Trace
-from lptn.effects import NodeEffect, SensorEffect
+from lptn.effects import SensorEffect, extended
 from lptn.march import heat_effects
 from lptn.network import lagged
 from lptn.stepping import heat_balance, rates
@@ -97,11 +97,8 @@ def _linear(model: Model, values: Values, inputs: Inputs):
 @compiled("model", is_seldom=True)
 def _linear_jit(model: Model, values: Values, inputs: Inputs):
     trace: Trace = model.simulate(values, inputs)
-    network = model.network(values)
     effects = model.built_effects(values)
-    for effect in effects:
-        if isinstance(effect, NodeEffect):
-            network = effect.extend(network)
+    network = extended(model.network(values), effects)
     losses, drive = model.losses(values), inputs.drive()
     heat = heat_effects(effects)
     middle = {n: 0.5 * (T[1:] + T[:-1]) for n, T in trace.temperature.items()}

@@ -612,7 +612,7 @@ def _is_too_stiff(posterior: Posterior, z: np.ndarray) -> np.ndarray:
     """Return which networks have a node that is too fast for the steps of the tests."""
     problem = posterior.fit.problem
     step = max(float(np.max(np.asarray(test.inputs.step))) for test in problem.tests)
-    names = [parameter.name for parameter in problem.model.form.parameters]
+    names = problem.model.network_names
     values = problem.parameters.physical(z)
     fixed = {n: p.fixed for n, p in problem.parameters.by_test[0].items() if p.fixed is not None}
     every = {n: values[n] if n in values else np.full(z.shape[0], fixed[n]) for n in names}

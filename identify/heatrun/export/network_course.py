@@ -188,7 +188,7 @@ def simulate_held(
     """
     network, start = _network(found)
     effects = [_effect(each) for each in np.atleast_1d(found["effects"])]
-    longest = SHARE_OF_NETWORK * float(longest_step(_extended(network, effects)))
+    longest = SHARE_OF_NETWORK * float(longest_step(network, effects))
     parts = int(np.ceil(step / longest))
     grid = Held(np.full(parts * held["Is"].size, step / parts), parts)
     fixed = {name: value for name, value in found.items() if name not in SIGNALS}
@@ -313,15 +313,8 @@ def _inputs(found: Mapping[str, Any], grid: Grid | Held) -> Inputs:
     )
 
 
-def _extended(network: Network, effects: Sequence[AbstractEffect]) -> Network:
-    for effect in effects:
-        if isinstance(effect, NodeEffect):
-            network = effect.extend(network)
-    return network
-
-
 def _longest(network: Network, effects: Sequence[AbstractEffect], time: np.ndarray) -> float:
-    longest = SHARE_OF_NETWORK * float(longest_step(_extended(network, effects)))
+    longest = SHARE_OF_NETWORK * float(longest_step(network, effects))
     if any(isinstance(effect, SensorLag | SensorPickup | TimeShift) for effect in effects):
         sample = float(np.median(np.diff(time)))
         return min(longest, max(sample / LINES_PER_SAMPLE, SENSOR_STEP_S))

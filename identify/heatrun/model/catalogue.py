@@ -253,19 +253,16 @@ def unplaced(kinds: Sequence[type[AbstractEffect]], network: Network) -> str:
     """Return why a network has no place for effects, empty if it has one for all of them."""
     import jax
 
-    from lptn.effects import NodeEffect, build_all
+    from lptn.effects import build_all, extended
 
     wanted = [(kind, dict.fromkeys(kind.card.parameters, 1.0)) for kind in kinds]
 
-    def extended() -> tuple[str, ...]:
-        whole = network
-        for effect in build_all(wanted, whole):
-            if isinstance(effect, NodeEffect):
-                whole = effect.extend(whole)
+    def place_all() -> tuple[str, ...]:
+        extended(network, build_all(wanted, network))
         return ()
 
     try:
-        jax.eval_shape(extended)  # no number is of interest, and none is computed
+        jax.eval_shape(place_all)  # no number is of interest, and none is computed
     except ValueError as error:
         return str(error)
     return ""

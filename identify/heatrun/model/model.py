@@ -229,17 +229,38 @@ class Model:
 
     def built_effects(self, values: Values) -> tuple[AbstractEffect, ...]:
         """Return the effects for values by name, with the network's own losses by speed."""
-        from lptn.effects import build_all
         from lptn.effects.sensors import TimeShift
+
+        effects = self._chosen_effects(values)
+        by_speed = [part for loss in self.form.by_speed for part in loss.build(values)]
+        late = [TimeShift(values["load_timing"])] if "load_timing" in values else []
+        return (*by_speed, *effects, *late)
+
+    def longest_step(self, values: Values) -> Float[Array, ""]:
+        """Return the longest step [s] that the march takes, as `lptn.longest_step`.
+
+        Args:
+            values: Those of `network_names`, and changes of the test.
+        """
+        from lptn import longest_step
+
+        return longest_step(self.network(values), self._chosen_effects(values))
+
+    @property
+    def network_names(self) -> tuple[str, ...]:
+        """Names of the parameters of the network and of the effects in it."""
+        own = [parameter.name for parameter in self.form.parameters]
+        own += [qualified(kind, name) for kind in self.effects for name in kind.card.parameters]
+        return tuple(own)
+
+    def _chosen_effects(self, values: Values) -> tuple[AbstractEffect, ...]:
+        from lptn.effects import build_all
 
         wanted = [
             (kind, {name: values[qualified(kind, name)] for name in kind.card.parameters})
             for kind in self.effects
         ]
-        effects = build_all(wanted, self.network(values))
-        by_speed = [part for loss in self.form.by_speed for part in loss.build(values)]
-        late = [TimeShift(values["load_timing"])] if "load_timing" in values else []
-        return (*by_speed, *effects, *late)
+        return build_all(wanted, self.network(values))
 
     def block_means(self, values: Values, test: Observation) -> Float[Array, " row"]:
         """Return the modelled means over the blocks of a test [degC], in its rows."""

@@ -23,7 +23,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Array, Bool, Float
 
-from lptn import growth_rate, longest_step
+from lptn import growth_rate
 
 from ..errors import InputError
 from ..io.programs import compiled
@@ -57,7 +57,7 @@ def too_stiff(
         values: Its parameters and their changes by name, shape (draw,); others are left aside.
         step_s: Length of the step [s], of all draws or of each.
     """
-    names = [parameter.name for parameter in model.form.parameters]
+    names = list(model.network_names)
     names += [change for name in names if (change := change_name(name)) in values]
     longest = _longest_steps(model, {name: np.asarray(values[name], float) for name in names})
     return step_s > STABLE * np.asarray(longest)
@@ -65,7 +65,7 @@ def too_stiff(
 
 @compiled("model", is_seldom=True)
 def _longest_steps(model: Model, values: Mapping[str, Any]) -> Float[Array, " draw"]:
-    return jax.vmap(lambda one: longest_step(model.network(one)))(values)
+    return jax.vmap(model.longest_step)(values)
 
 
 def refuse_unstable(
@@ -327,8 +327,8 @@ def refuse_coarse_steps(model: Model, values: Mapping[str, float], blocks: Block
     Raises:
         InputError: With both lengths.
     """
-    network = model.network({name: jnp.asarray(value) for name, value in values.items()})
-    longest, step = float(longest_step(network)), float(np.max(np.asarray(blocks.inputs.step)))
+    longest = float(model.longest_step({name: jnp.asarray(v) for name, v in values.items()}))
+    step = float(np.max(np.asarray(blocks.inputs.step)))
     if step > longest:
         raise InputError(
             f"the step of {step:.3g} s is longer than the fastest node allows ({longest:.3g} s).",

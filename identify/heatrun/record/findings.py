@@ -103,6 +103,9 @@ NO_FAILURE_OF_A_STEP = (UsageError, OSError, MemoryError, ImportError)
 """What ends the command: wrong use, a disk that is full, memory that has run out (which shows as a
 module that cannot be loaded too)."""
 
+HOUSE = Path(__file__).parents[1]
+"""Where our own code lies."""
+
 MOST_LETTERS = 200
 """Of the message of an error that are told."""
 
@@ -147,11 +150,16 @@ def _finding(id: str, step: str, error: Exception, where: str, test: str) -> Fin
         message, where = f"{step} failed: {error.problem}", error.where or where
         remedy = error.remedy
     else:
-        frame = traceback.extract_tb(error.__traceback__)[-1]
+        frames = traceback.extract_tb(error.__traceback__)
+        own = [each for each in frames if Path(each.filename).is_relative_to(HOUSE)][-1]
+        # where it came out, and which of our lines asked for it
+        lines = dict.fromkeys(
+            f"{Path(f.filename).name}, line {f.lineno}" for f in (frames[-1], own)
+        )
         told = " ".join(str(error).split())[:MOST_LETTERS] or "no message"
         message = (
-            f"{step} failed ({type(error).__name__}: {told}; {Path(frame.filename).name}, line "
-            f"{frame.lineno}). Its result is missing; all others are as they would be."
+            f"{step} failed ({type(error).__name__}: {told}; "
+            f"{', for '.join(lines)}). Its result is missing; all others are as they would be."
         )
         remedy = "This is a fault of heatrun, not of the records: report it with this line."
     return Finding(id, "warning", message, where, remedy, test)

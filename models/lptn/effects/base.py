@@ -8,7 +8,7 @@ may read another.
 from __future__ import annotations
 
 import abc
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
@@ -333,10 +333,18 @@ def build_all(
 
     for kind, values in sorted(wanted, key=rank):
         effect = build(kind, values, network)
-        if kind.rebuilds and isinstance(effect, NodeEffect):
-            network = effect.extend(network)
+        if kind.rebuilds:
+            network = extended(network, [effect])
         built.append(effect)
     return tuple(built)
+
+
+def extended(network: Network, effects: Iterable[AbstractEffect]) -> Network:
+    """Return a network with the nodes that effects bring."""
+    for effect in effects:
+        if isinstance(effect, NodeEffect):
+            network = effect.extend(network)
+    return network
 
 
 def _leads_out(link: Link, network: Network) -> bool:
