@@ -18,7 +18,7 @@ from heatrun.reports.printed import signed
 
 from .analysis.drive import with_powers
 from .analysis.general_information import figures_of
-from .analysis.validation import PERCENT, RULE, VERDICTS, SignalComparison, place
+from .analysis.validation import RULE, VERDICTS, SignalComparison, place
 from .plot import CYCLE, band, finish, line, stacked, with_differences, with_gaps, wording
 from .prototypes import (
     Compared,
@@ -218,21 +218,18 @@ def _networks(found: Confrontation) -> Table:
 DEFINITIONS = (
     ("Difference", "The later prototype less the earlier one, as the pair is named; means are "
                    "weighted by time."),
-    ("Clocks", "Each pair of clocks is aligned by the signals that the two records share; the "
-               "offset is what is added to the earlier one's clock to give the later one's. All "
-               "comparisons are over the time common to all prototypes."),
+    ("Clocks", "Two clocks are aligned by the signals that both records have; the offset is added "
+               "to the earlier one. Compared is the time common to all."),
     ("Tolerance", RULE),
     ("Decided by", "rise, magnitude: the share of it; instruments: the combined uncertainty, which "
                    "is the larger limit; --tolerance: as given there."),
     *((verdict.capitalize(), text) for verdict, text in VERDICTS.items()),
-    ("Figures", f"Figures such as the energy agree within {PERCENT} of the earlier one's."),
 )  # fmt: skip
 
 NETWORK = (
     "Network",
-    "The network of the run, driven by the currents, losses and sink of the record itself or, "
-    "where it lacks them, of the one that is named; its reading against the measured winding, with "
-    "the 95 % band of the prediction in the tolerance.",
+    "The network of the run, driven by currents, losses and sink of the record itself, or else of "
+    "the one named; its band is in the tolerance.",
 )
 
 
