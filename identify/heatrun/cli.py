@@ -15,7 +15,7 @@ from .commands.words import AnyOrder
 from .errors import InputError, UsageError, of_file
 from .io.caches import use_caches
 from .io.whole_files import check_stated_moment
-from .runtime import collect_garbage_seldom, one_thread_for_small_matrices, return_large_arrays
+from .runtime import collect_garbage_seldom, one_thread_for_small_matrices, share_one_heap
 from .version import __version__
 
 
@@ -48,7 +48,7 @@ def _call(options: argparse.Namespace) -> int:
     use_caches(say)
     one_thread_for_small_matrices()
     collect_garbage_seldom()
-    return_large_arrays()
+    share_one_heap()
     as_json = getattr(options, "json", False)
     if isinstance(sys.stdout, io.TextIOWrapper):
         # a terminal or pipe of few characters is no reason to lose a result; JSON is UTF-8

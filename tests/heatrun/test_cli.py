@@ -224,39 +224,42 @@ def test_python_runs_the_package_as_a_command(capsys, monkeypatch):
     assert "usage: heatrun" in capsys.readouterr().err
 
 
-ARRAYS = """
+HEAPS = """
 import ctypes
 import sys
-import numpy as np
-from heatrun.runtime import return_large_arrays
-
-class Held(ctypes.Structure):  # of mallinfo2: free, though not given back to the system
-    _fields_ = [(name, ctypes.c_size_t) for name in "abcdefgh"]
-    _fields_ += [("free", ctypes.c_size_t), ("top", ctypes.c_size_t)]
-
-def held_MB():
-    mallinfo = ctypes.CDLL(None).mallinfo2
-    mallinfo.restype = Held
-    return mallinfo().free / 1e6
+import threading
+from heatrun.runtime import share_one_heap
 
 if len(sys.argv) > 1:
-    return_large_arrays()
-np.ones(4_000_000)  # freed: by default as much is kept from now on
-before = held_MB()
-both = [(np.ones(1_000_000 + more), np.ones(10_000)) for more in range(40)]
-between = [few for _, few in both]
-del both
-print(held_MB() - before)
+    share_one_heap()
+libc, together = ctypes.CDLL(None), threading.Barrier(4)
+libc.malloc.restype, libc.free.argtypes = ctypes.c_void_p, [ctypes.c_void_p]
+def take():
+    together.wait()
+    held = libc.malloc(100_000)
+    together.wait()
+    libc.free(held)
+threads = [threading.Thread(target=take) for _ in range(4)]
+for thread in threads:
+    thread.start()
+for thread in threads:
+    thread.join()
+libc.fdopen.restype = ctypes.c_void_p
+libc.malloc_info.argtypes = [ctypes.c_int, ctypes.c_void_p]
+libc.fflush.argtypes = [ctypes.c_void_p]
+out = libc.fdopen(1, b"w")
+libc.malloc_info(0, out)
+libc.fflush(out)
 """
 
 
-@pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "mallinfo2"), reason="of glibc")
-def test_the_memory_of_large_arrays_goes_back():
-    # dask's clusters leave an option of the allocator to whatever the process starts afterwards
+@pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "malloc_info"), reason="of glibc")
+def test_threads_share_one_heap():
+    # dask's clusters leave options of the allocator to whatever the process starts afterwards
     usual = {name: said for name, said in os.environ.items() if not name.startswith("MALLOC_")}
-    command = [sys.executable, "-c", ARRAYS]
-    kept, back = (
-        float(subprocess.check_output([*command, *words], text=True, env=usual))
-        for words in ([], ["back"])
+    command = [sys.executable, "-c", HEAPS]
+    usually, shared = (
+        subprocess.check_output([*command, *words], text=True, env=usual).count("<heap nr=")
+        for words in ([], ["shared"])
     )
-    assert back < 10.0 < 100.0 < kept
+    assert shared == 1 < usually
