@@ -1,10 +1,12 @@
 """Tests between which the machine was changed: the joint fit says so and allows for it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from heatrun.effects.small_effects import is_too_stiff
 from heatrun.fit.fit import fit
 from heatrun.model.model import Model
 from heatrun.model.model_parameters import parameters
@@ -18,6 +20,7 @@ from heatrun.record.record import Record
 from heatrun.record.reduction import reduce
 from heatrun.runs.run import ModelOfRun, model_text, read_model
 from lptn.effects import EndWindingNode
+from lptn.effects.heat_paths import CoolingStep
 
 COLUMNS = {
     "t": "time_s", "Is": "phase_current_A", "Pd": "losses_W", "Te": "ambient_degC",
@@ -131,9 +134,13 @@ def test_a_change_may_make_a_node_too_fast_for_the_steps(motor):
     assert not np.any(too_stiff(model, values, 5.0))
 
 
-def test_an_effect_may_make_a_node_too_fast_for_the_steps(motor):
-    model = Model.of("second", motor, (EndWindingNode,))
-    values = {name: np.full(2, value) for name, value in NETWORK.items()}
-    overhang = {"f": np.array([0.5, 0.98]), "tau": np.full(2, 20.0), "p": np.full(2, 0.5)}
-    values |= {f"end_winding_node.{name}": draws for name, draws in overhang.items()}
-    assert too_stiff(model, values, 2.0).tolist() == [False, True]
+def test_an_effect_may_make_a_node_too_fast_for_the_steps(blocks, motor):
+    """Of an overhang that is nearly the whole winding the rest of it is next to nothing."""
+    model = Model.of("second", motor, (EndWindingNode, CoolingStep))
+    tests = [blocks, replace(blocks, name="other")]  # the step is an event of each test
+    problem = Problem.of(model, motor, tests)
+    z = np.zeros((2, problem.parameters.num_free))
+    place = problem.parameters.index("end_winding_node.f")
+    z[1, place] = problem.parameters.slots[place].parameter.score(0.99)
+    posterior = SimpleNamespace(fit=SimpleNamespace(problem=problem))
+    assert is_too_stiff(posterior, z).tolist() == [False, True]

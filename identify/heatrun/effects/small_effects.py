@@ -594,7 +594,7 @@ def averaged(posterior: Posterior, found: SmallEffects, *, seed: int = 0) -> Pos
     vectors = posterior.flat.copy()
     size = found.size[rng.integers(found.size.shape[0], size=vectors.shape[0])]
     z = vectors[:, : found.turn.shape[0]] + size @ found.turn.T
-    is_none = _is_too_stiff(posterior, z) | np.any(z > posterior.fit.problem.data.priors.largest, 1)
+    is_none = is_too_stiff(posterior, z) | np.any(z > posterior.fit.problem.data.priors.largest, 1)
     size = np.where(is_none[:, None], 0.0, size)
     vectors[:, : found.turn.shape[0]] += size @ found.turn.T
     effects = PlausibleEffects(found.effects, size)
@@ -608,12 +608,12 @@ def averaged(posterior: Posterior, found: SmallEffects, *, seed: int = 0) -> Pos
     )
 
 
-def _is_too_stiff(posterior: Posterior, z: np.ndarray) -> np.ndarray:
+def is_too_stiff(posterior: Posterior, z: np.ndarray) -> np.ndarray:
     """Return which networks have a node that is too fast for the steps of the tests."""
     problem = posterior.fit.problem
-    step = max(float(np.max(np.asarray(test.inputs.step))) for test in problem.tests)
-    names = problem.model.network_names
-    values = problem.parameters.physical(z)
-    fixed = {n: p.fixed for n, p in problem.parameters.by_test[0].items() if p.fixed is not None}
-    every = {n: values[n] if n in values else np.full(z.shape[0], fixed[n]) for n in names}
-    return too_stiff(problem.model, every, step)
+    form, priors = problem.parameters.form, problem.parameters.priors()
+    of_each = [
+        too_stiff(problem.model, priors.values(form, z.T, index), float(np.max(test.inputs.step)))
+        for index, test in enumerate(problem.tests)
+    ]
+    return np.any(of_each, axis=0)

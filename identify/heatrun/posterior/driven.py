@@ -54,12 +54,14 @@ def too_stiff(
 
     Args:
         model: The network.
-        values: Its parameters and their changes by name, shape (draw,); others are left aside.
+        values: Its parameters, those of its effects and changes by name, shape (draw,) or one for
+            all; others are left aside.
         step_s: Length of the step [s], of all draws or of each.
     """
     names = list(model.network_names)
     names += [change for name in names if (change := change_name(name)) in values]
-    longest = _longest_steps(model, {name: np.asarray(values[name], float) for name in names})
+    of_each = np.broadcast_arrays(*(np.asarray(values[name], float) for name in names))
+    longest = _longest_steps(model, dict(zip(names, of_each, strict=True)))
     return step_s > STABLE * np.asarray(longest)
 
 
