@@ -499,14 +499,14 @@ def test_a_sensor_between_slots_and_overhang_is_read_as_such(tmp_path, lag_s):
     f, tau, p, v, k = 0.4, 30.0, 0.5, VALUES, 3 * VALUES["Rs0"] / (234.5 + 25.0)
     rng, T, course, rows = np.random.default_rng(8), np.array([60.0, 55.0, 60.0]), [], []
     for second in range(2700):
-        current, loss = (220.0, 1100.0) if (second // 600) % 2 == 0 else (60.0, 150.0)
+        current, loss = (130.0, 600.0) if (second // 600) % 2 == 0 else (60.0, 150.0)
         for _ in range(10):
-            copper = k * current**2 * (234.5 + T[0])
+            slots, end = np.array([1.0 - f, f]) * k * current**2 * (234.5 + T[[0, 2]])
             across, hers = (T[0] - T[1]) / v["Req_w"], f * v["Ceq_w"] * (T[2] - T[0]) / tau
             heat = [
-                (1.0 - f) * copper - across + hers,
-                loss - copper + across - (T[1] - 20.0) / v["Req_sr"],
-                f * copper - hers,
+                slots - across + hers,
+                loss - slots - end + across - (T[1] - 20.0) / v["Req_sr"],
+                end - hers,
             ]
             T = T + 0.1 * np.array(heat) / [(1.0 - f) * v["Ceq_w"], v["Ceq_sr"], f * v["Ceq_w"]]
         course.append(T)

@@ -229,6 +229,10 @@ def test_a_locked_rotor_has_the_heat_of_a_cage_and_none_of_magnets(
     assert load * least - 1e-9 <= got <= load * most + 1e-9
 
 
+def _mean(T, i):
+    return 0.5 * (T[i] + T[i + 1])
+
+
 def test_overhang_and_slot_share_the_winding(network, losses, short):
     values = {"f": 0.4, "tau": 25.0, "p": 1.0}
     effect, trace = course(network, losses, short, "end_winding_node", values)
@@ -239,6 +243,12 @@ def test_overhang_and_slot_share_the_winding(network, losses, short):
     ahead = np.subtract(trace.temperature["overhang"], winding)
     np.testing.assert_allclose(np.subtract(trace.reading, winding), ahead, atol=1e-12)
     assert float(ahead[-1]) > 0.0  # it is heated and only the slots cool it
+    # each part's copper has the loss of its own temperature, under a measured sum
+    C, T = extended.capacitance["overhang"], trace.temperature["overhang"]
+    i = short.num_time // 2
+    loss = 0.4 * trace.copper_loss[i] * (234.5 + _mean(T, i)) / (234.5 + _mean(winding, i))
+    flow = C / 25.0 * (_mean(T, i) - _mean(winding, i))
+    np.testing.assert_allclose(C * (T[i + 1] - T[i]) / short.step, loss - flow, rtol=1e-3)
 
 
 @pytest.mark.parametrize("delay", [-3.3, 0.0, 0.9, 7.0, 8.0, 1e4, -1e4])

@@ -154,6 +154,12 @@ def _heats(
     copper = "*".join(
         ["direct_W", *([f"(1 + {' + '.join(filter(None, terms))})"] if any(terms) else [])]
     )
+    in_overhang = {}
+    for (member, i), share in by_place.items():
+        if member == "copper_moved" and i is not None and Rs0:
+            end = f"{plain[nodes[i]]}_degC"
+            copper += f" + {share}*{per_K}*({end} - {hot})"
+            in_overhang[i] = f"{share}*{per_K}*({B!r} + {end})"
     if more_B and Rs0:
         copper += f" + {per_K}*{more_B}/({B + T!r} + {more_B})*({T!r} - {hot})"
     equations = []
@@ -165,7 +171,6 @@ def _heats(
         equations.append(f"stray_W = {stray}*i^2*max(s, {LOCKED})^1.5")
         copper += " + stray_W" if is_balance else ""
     equations += [f"direct_W = {direct}", f"copper_W = {copper}"]
-    overhangs = {i: name for (member, i), name in by_place.items() if member == "copper_moved"}
     by_speed = {}
     for i, node in enumerate(nodes):
         terms = [
@@ -203,9 +208,8 @@ def _heats(
         part = by_place.get(("share", i), repr(float(share)))
         terms = [] if part == "0.0" else [shared if part == "1.0" else f"{part}*{shared}"]
         if node == copper_node:
-            terms += ["copper_W", *(f"(-{share}*direct_W)" for share in overhangs.values())]
-        if i in overhangs:
-            terms.append(f"{overhangs[i]}*direct_W")
+            terms += ["copper_W", *(f"(-{each})" for each in in_overhang.values())]
+        terms += [in_overhang[i]] if i in in_overhang else []
         terms += [each for each in (by_speed[node], moved.get(node)) if each]
         if torque := by_place.get(("friction_Nm", i)):
             fall = by_place.get(("friction_fall_per_K", i), "0")

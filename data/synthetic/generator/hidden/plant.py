@@ -156,12 +156,17 @@ def integrate(plant: Plant, current: Array, speed: Array, ambient: Array, start:
     full[1::2] = 0.5 * (course[:-1] + course[1:]) + h / 8.0 * (slopes[:-1] - slopes[1:])
     winding, stator = full[:, 0], full[:, 1]
     ac = zero if plant.ac is None else plant.ac
+    end, part = (full[:, 3], plant.overhang[0]) if plant.overhang else (winding, 0.0)
+
+    def copper(celsius: Array) -> Array:
+        return k * (plant.true_coefficient + celsius) * (1.0 + _ac(ac, celsius))
+
     return Course(
         time_s=HALF_S * np.arange(current.size),
         winding_degC=winding,
         stator_degC=stator,
-        overhang_degC=full[:, 3] if plant.overhang else winding,
-        copper_W=k * (plant.true_coefficient + winding) * (1.0 + _ac(ac, winding)),
+        overhang_degC=end,
+        copper_W=(1.0 - part) * copper(winding) + part * copper(end),
         other_W=nominal * (1.0 - IRON_FALL * (stator - 60.0)),
         nominal_other_W=nominal,
         added_W=zero if plant.extra_stator is None else plant.extra_stator,

@@ -8,7 +8,7 @@
  *               P s^n (1 - m + m i^2) to one node, not below 0, i current over the rated one: teeth
  *               in the winding, rotor; and k s^m of them outside
  * Locked rotor: s is 0.01 at least in what goes with the current
- * Overhang:     a share of Pjs, taken from the copper node
+ * Overhang:     a share of the copper, with the loss of its own temperature
  * Bearings:     Tf omega exp(-kappa (T - sink))
  * Sink:         (1 - a) (sink + r times all losses) + a coolant
  * Surface:      g (1 - f + f ((theta^2 + 1)/40^2)^(n/2)), theta over the link; radiation
@@ -226,10 +226,10 @@ static void prepare(const heatrun_parameters *p, const heatrun_inputs *inputs, d
 #endif
 }
 
-/* Pjs, as the phase resistance and the material say. */
-static heatrun_real direct(const drive *at, const heatrun_real T[NUM_NODES])
+/* Pjs of copper at a temperature, as the phase resistance and the material say. */
+static heatrun_real direct(const drive *at, heatrun_real T_degC)
 {
-    return at->square_A2*at->copper_W_per_A2_K*(COEFFICIENT_DEGC + T[COPPER]);
+    return at->square_A2*at->copper_W_per_A2_K*(COEFFICIENT_DEGC + T_degC);
 }
 
 /* All that the copper gains, with the stray loss where that counts as such. */
@@ -240,14 +240,20 @@ static heatrun_real copper(const drive *at, const heatrun_real T[NUM_NODES])
         *(REFERENCE_DEGC - T[COPPER]);
     const heatrun_real risen =
         (COEFFICIENT_DEGC + T[COPPER])/(COEFFICIENT_DEGC + REFERENCE_DEGC);
-    return direct(at, T)*(R(1.0) + at->copper_gain + at->eddies/(risen*risen))
-        + at->square_A2*(at->copper_W_per_A2_K*by_B + R(IS_BALANCE)*at->stray_W_per_A2);
+    heatrun_real warmer_K = R(0.0);
+    int i;
+    for (i = 0; i < NUM_NODES; ++i) {
+        warmer_K += at->parameters->copper_moved[i]*(T[i] - T[COPPER]);
+    }
+    return direct(at, T[COPPER])*(R(1.0) + at->copper_gain + at->eddies/(risen*risen))
+        + at->square_A2*(at->copper_W_per_A2_K*(by_B + warmer_K)
+                         + R(IS_BALANCE)*at->stray_W_per_A2);
 }
 
 /* The sink, with what the losses warm it. */
 static heatrun_real sink(const drive *at, const heatrun_real T[NUM_NODES])
 {
-    const heatrun_real all_W = at->losses_W + (R(1.0) - at->copper_in_losses)*direct(at, T);
+    const heatrun_real all_W = at->losses_W + (R(1.0) - at->copper_in_losses)*direct(at, T[COPPER]);
     return at->sinks_degC[0] + at->recirculation_K_per_W*all_W;
 }
 
@@ -255,7 +261,7 @@ static void heats(const drive *at, const heatrun_real T[NUM_NODES], heatrun_real
 {
     const heatrun_parameters *p = at->parameters;
     const heatrun_real copper_W = copper(at, T);
-    const heatrun_real direct_W = direct(at, T);
+    const heatrun_real direct_W = direct(at, T[COPPER]);
     const heatrun_real channel_W =
         at->losses_W + (R(IS_BALANCE) - at->copper_in_losses)*direct_W;
     const heatrun_real other_W = at->losses_W - at->copper_in_losses*copper_W
@@ -265,7 +271,7 @@ static void heats(const drive *at, const heatrun_real T[NUM_NODES], heatrun_real
     heatrun_real left_W = copper_W;
     int i;
     for (i = 0; i < NUM_NODES; ++i) {
-        const heatrun_real moved_W = p->copper_moved[i]*direct_W;
+        const heatrun_real moved_W = p->copper_moved[i]*direct(at, T[i]);
         W[i] = at->heat_W[i] + p->share[i]*other_W + moved_W;
 #if HEATRUN_HAS_SPEED
         if (at->friction_W[i] > R(0.0)) {

@@ -75,7 +75,7 @@ typedef struct {
     heatrun_real resistance_K_per_W[HEATRUN_NUM_LINKS];
     heatrun_real share[HEATRUN_NUM_NODES]; /* of the losses other than copper [1] */
     heatrun_real Rs0_ohm;
-    heatrun_real copper_moved[HEATRUN_NUM_NODES]; /* share of Pjs that heats it instead */
+    heatrun_real copper_moved[HEATRUN_NUM_NODES]; /* share of the copper that is in it */
     heatrun_real resistance_gain;       /* of the phase resistance [1] */
     heatrun_real coefficient_more_degC; /* of R(T), beyond the material's */
     heatrun_real standby_W;             /* at rest */

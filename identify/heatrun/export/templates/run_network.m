@@ -220,8 +220,10 @@ for i = 1:num_samples - 1
             in_other = -(q.P + 1e-9)*at_load(q.n, q.m);
             heat(own(e)) = heat(own(e)) - in_other;
           case 'end_winding_node'
-            heat(copper) = heat(copper) - (q.f + 1e-12)*Pjs;
-            heat(own(e)) = heat(own(e)) + (q.f + 1e-12)*Pjs;
+            part = (q.f + 1e-12)*Pjs;
+            in_copper = part*(T(own(e)) - T(copper))/(p.B + T(copper));
+            heat(copper) = heat(copper) - (part + in_copper);
+            heat(own(e)) = heat(own(e)) + (part + in_copper);
           case 'ac_copper_loss'
             in_copper = q.k*Pjs*s^2*((p.B + p.Tref)/(p.B + T(copper)))^2;
           case 'iron_loss_in_winding'
