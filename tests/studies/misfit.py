@@ -2,7 +2,7 @@
 
 Writes rows and a table under `results/misfit/`: how often a parameter is off on a page that says
 usable, how often a clean machine is suspected, how often intervals cover, and how far the bands of
-a held-out test hold. Reports use seeds from 260000 on, each once; those below were used while
+a held-out test hold. Reports use seeds from 280000 on, each once; those below were used while
 findings, intervals and effects were made, or reported before.
 """
 
@@ -25,7 +25,7 @@ from misfit_cases import (
 )
 from study_runs import Row, options_of, run_study
 
-REPORTING_SEED = 260_000
+REPORTING_SEED = 280_000
 
 VISIBLE_K = 0.1
 """Misfit from which on a cause counts as visible [K]."""
