@@ -340,3 +340,14 @@ def test_the_time_constants_of_a_housing_are_those_of_the_ladder(network):
     assert at.nodes == ("housing", "stator", "winding")
     ladder = np.linalg.eigvals(jacobian(rate("housing_node", "map"), [20.0, 20.0, 20.0]))
     np.testing.assert_allclose(lptn.time_constants(at.A), np.sort(-1.0 / ladder.real), rtol=1e-7)
+
+
+def test_a_node_that_is_fast_does_not_keep_the_answer_waiting(network):
+    """Explicit steps gave up before the limit was reached."""
+    given = {"f": 1e-4, "tau": 1e-3, "p": 0.0}
+    effects = (build(BY_ID["end_winding_node"], given, network),)
+    fast, bare = (
+        float(time_to(network, MAP, drive(), COLD, node="winding", limit=75.0, effects=more))
+        for more in (effects, ())
+    )
+    assert fast == pytest.approx(bare, rel=1e-4)

@@ -189,18 +189,27 @@ def _surroundings() -> str:
 @cache
 def _sources(module: str) -> str:
     """Return a digest of the files that a module of ours may draw on, by what they import."""
-    sources, left = dict[str, bytes](), [module]
+    found, left = dict[str, bytes](), [module]
     while left:
         name = left.pop()
-        if name in sources or (path := _file_of(name)) is None:
-            continue
-        sources[name] = path.read_bytes()
-        package = name if path.name == "__init__.py" else name.rpartition(".")[0]
-        left += _imports(sources[name], package)
+        if name not in found and (source := _source(name)) is not None:
+            found[name], imported = source
+            left += imported
     digest = hashlib.sha256()
-    for name, source in sorted(sources.items()):
-        digest.update(f"{name}\n".encode() + source)
+    for name, of_file in sorted(found.items()):
+        digest.update(f"{name}\n".encode() + of_file)
     return digest.hexdigest()
+
+
+@cache
+def _source(module: str) -> tuple[bytes, tuple[str, ...]] | None:
+    """Return the digest of a module of ours, and the names that it may import; None of others."""
+    path = _file_of(module)
+    if path is None:
+        return None
+    source = path.read_bytes()
+    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    return hashlib.sha256(source).digest(), tuple(_imports(source, package))
 
 
 def _imports(source: bytes, package: str) -> Iterator[str]:

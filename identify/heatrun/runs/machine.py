@@ -230,7 +230,7 @@ class Machine(NamedTuple):
     permitted_squared: Float[Array, "*draw"]
 
 
-@compiled("model", is_seldom=True)
+@compiled("model")
 def machines(
     model: Model,
     values: dict[str, Float[Array, " draw"]],
