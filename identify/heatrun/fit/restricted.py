@@ -23,7 +23,15 @@ from scipy.optimize import minimize
 
 from ..io.programs import compiled
 from ..model import noise as noise_module
-from ..model.noise import LARGEST, LARGEST_SCORES, NOISE, eliminated, scale_of
+from ..model.noise import (
+    LARGEST,
+    LARGEST_SCORES,
+    NOISE,
+    eliminated,
+    lower_factor,
+    scale_of,
+    solved_by,
+)
 from ..model.problem import NUM_NOISE, Problem
 from ..record.blocks import Logger
 from ..record.observation import Observation
@@ -138,11 +146,11 @@ def conditional(
     products, log_sd = inner_products(tests, noise_z, residual, jacobian)
     precision = products[1:, 1:] + jnp.eye(jacobian.shape[1])
     gradient = products[1:, 0] + z  # of half the sum of squares, prior included
-    factor = jnp.linalg.cholesky(precision)
-    half = jax.scipy.linalg.solve_triangular(factor, gradient, lower=True)
+    factor = lower_factor(precision)
+    half = solved_by(factor, gradient)
     squares = products[0, 0] + jnp.sum(z**2) - jnp.sum(half**2)
     log_det = jnp.sum(jnp.log(jnp.diag(factor)))
-    step = jax.scipy.linalg.solve_triangular(factor.T, half, lower=False)
+    step = solved_by(factor, half, is_transposed=True)
     return Conditional(_restricted(squares, log_det, log_sd, noise_z), z - step, factor)
 
 

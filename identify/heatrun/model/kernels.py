@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from threading import Lock, local
+from threading import local
 from typing import Any, TypeVar
 
 import equinox as eqx
@@ -53,15 +53,7 @@ def beside(function: Callable[[Item], Result], items: Sequence[Item]) -> list[Re
         return list(pool.map(function, items))
 
 
-ALONE = Lock()
-"""Held by what factorises batches of matrices inside compiled code. XLA shares such a batch among
-the threads of its pool and waits for them; two of them at once, on two cores, each occupy one
-thread and wait for the other for ever (seen with 24 parameters)."""
-
-
-def in_batches(
-    function: Callable[[Rows], Any], rows: Rows, size: int, *, alone: bool = False
-) -> Any:
+def in_batches(function: Callable[[Rows], Any], rows: Rows, size: int) -> Any:
     """Return what a function gives for rows, as NumPy arrays.
 
     One size of batch means one compilation; the last batch is filled up with copies of the last
@@ -72,7 +64,6 @@ def in_batches(
         rows: A pytree of NumPy arrays whose first axis is that of the rows, at least one; what
             `function` returns is another.
         size: Rows in a batch.
-        alone: Whether `function` factorises matrices, so that nothing of the kind may run beside.
     """
     num = jax.tree.leaves(rows)[0].shape[0]
 
@@ -82,11 +73,7 @@ def in_batches(
         return jax.tree.map(np.asarray, function(part))
 
     starts = range(0, num, size)
-    if alone:
-        with ALONE:
-            done = [one(start) for start in starts]
-    else:
-        done = [one(start) for start in starts] if len(starts) < FEW else at_once(one, starts)
+    done = [one(start) for start in starts] if len(starts) < FEW else at_once(one, starts)
     return jax.tree.map(lambda *arrays: np.concatenate(arrays)[:num], *done)
 
 

@@ -306,6 +306,39 @@ def eliminated(
     return rest[num:, num:], half_log_det
 
 
+def lower_factor(matrix: Float[Array, "row row"]) -> Float[Array, "row row"]:
+    """Return the lower Cholesky factor of a matrix, column by column as `eliminated`.
+
+    Args:
+        matrix: Symmetric and positive definite.
+    """
+    rows = jnp.arange(matrix.shape[0])
+
+    def take(place, carry):
+        rest, factor = carry
+        column = jnp.where(rows >= place, rest[:, place] * jax.lax.rsqrt(rest[place, place]), 0.0)
+        return rest - jnp.outer(column, column), factor.at[:, place].set(column)
+
+    start = matrix, jnp.zeros_like(matrix)
+    return jax.lax.fori_loop(0, matrix.shape[0], take, start)[1]
+
+
+def solved_by(
+    factor: Float[Array, "row row"], right: Float[Array, " row"], *, is_transposed: bool = False
+) -> Float[Array, " row"]:
+    """Return inv(L) b for a lower factor L, or inv(L') b, column by column likewise."""
+    num = factor.shape[0]
+    columns = factor.T if is_transposed else factor
+
+    def take(step, carry):
+        rest, solution = carry
+        place = num - 1 - step if is_transposed else step
+        value = rest[place] / columns[place, place]
+        return rest - columns[:, place] * value, solution.at[place].set(value)
+
+    return jax.lax.fori_loop(0, num, take, (right, jnp.zeros_like(right)))[1]
+
+
 def draw(
     key: Array, noise: Noise, blocks: Observation, shape: tuple[int, ...] = ()
 ) -> Float[Array, "... block"]:

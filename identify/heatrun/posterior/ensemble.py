@@ -265,11 +265,21 @@ def _moves(weighted: Weighted) -> list[tuple[emcee.moves.Move, float]]:
     proposal is good; the tails that it misses are left to the other moves.
     """
     shares, proposal = _shares(weighted), weighted.proposal.latest
+    known: dict[bytes, float] = {}  # log density where walkers stood or might have gone last
 
     def anew(coordinates: np.ndarray, random: np.random.RandomState):
         rng = np.random.default_rng(random.randint(2**32, size=4, dtype=np.uint32))
         drawn = proposal.draw(coordinates.shape[0], rng)
-        return drawn.vectors, proposal.log_density(coordinates) - drawn.log_density
+        places = [row.tobytes() for row in coordinates]
+        is_new = np.array([place not in known for place in places])
+        density = np.array([known.get(place, 0.0) for place in places])
+        if is_new.any():
+            density[is_new] = proposal.log_density(coordinates[is_new])
+        known.clear()
+        known.update(zip(places, density.tolist(), strict=True))
+        drawn_places = (row.tobytes() for row in drawn.vectors)
+        known.update(zip(drawn_places, drawn.log_density.tolist(), strict=True))
+        return drawn.vectors, density - drawn.log_density
 
     rest = 1.0 - shares.noise - shares.anew
     moves = [(move, rest * share) for move, share in evolution()]

@@ -19,7 +19,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.linalg import solve_triangular
 from jax.scipy.special import logsumexp
 from jaxtyping import Array, Float, Int
 
@@ -27,7 +26,7 @@ from ..fit.fit_result import Fit
 from ..fit.restricted import conditional
 from ..io.programs import compiled
 from ..model.kernels import NUM_KERNELS, Kernels, in_batches, log_student, student
-from ..model.noise import LARGEST_SCORES
+from ..model.noise import LARGEST_SCORES, solved_by
 from ..model.problem import NUM_NOISE, Problem, linearise
 from ..record.observation import Observation
 
@@ -149,7 +148,7 @@ class Proposal:
         """Return draws; `z` holds standard draws of their branches, or scores as given."""
         known = self.problem.readings, self.kernels, self.optima, self.branches
         rows = noise_z, branch, z
-        return Drawn(*in_batches(lambda part: _place(*known, *part), rows, BATCH, alone=True))
+        return Drawn(*in_batches(lambda part: _place(*known, *part), rows, BATCH))
 
     def adapted(
         self, drawn: Drawn, weights: Float[np.ndarray, " draw"], rng: np.random.Generator
@@ -205,7 +204,7 @@ def _place(
         )
         mean, factor = linear.mean[branches.optimum], linear.factor[branches.optimum]
         scaled = branches.shift[branch] + branches.shape[branch] @ z
-        drawn = mean[branch] + solve_triangular(factor[branch].T, scaled, lower=False)
+        drawn = mean[branch] + solved_by(factor[branch], scaled, is_transposed=True)
         z = jnp.where(branch == AS_GIVEN, z, drawn)
         seen = jnp.einsum("bji,bj->bi", factor, z - mean)
         white = jnp.einsum("bij,bj->bi", branches.whiten, seen - branches.shift)
