@@ -19,7 +19,7 @@ from .errors import InputError, did_you_mean
 from .fit.fit import fit
 from .fit.fit_result import Fit
 from .io.whole_files import moment
-from .model.kernels import beside
+from .model.kernels import at_once, beside
 from .model.model import Model
 from .model.network_form import NetworkForm
 from .model.network_text import network_named
@@ -239,17 +239,19 @@ def calibrate(
             posterior = _sampled(found, screened, settings, folder, report, attempts)
         sampling_s = time.monotonic() - begun
         work.done((name, "sample"), f"{model.title}: predicting the tests")
-        predicted = [
-            attempts.of(
-                "the prediction",
-                lambda test=test: predict(posterior, test.blocks, seed=seed),
-                None,
-                where=f"{model.title}, {test.record.name}",
-                test=test.record.name,
-            )
-            or unpredicted(posterior, test.blocks)
-            for test in tests
-        ]
+        predicted = at_once(
+            lambda test: (
+                attempts.of(
+                    "the prediction",
+                    lambda: predict(posterior, test.blocks, seed=seed),
+                    None,
+                    where=f"{model.title}, {test.record.name}",
+                    test=test.record.name,
+                )
+                or unpredicted(posterior, test.blocks)
+            ),
+            tests,
+        )
         over = None if asked is None or is_plain else asked.undecided(seed=seed)
         undecided = None if over is None else DrawValues(*over, ())
         if settings.duties:

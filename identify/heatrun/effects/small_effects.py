@@ -160,7 +160,7 @@ def small_effects(
     linear = Linear(engine, search.own, search.base, alone, {})
     columns = [_column(engine, search, linear, each) for each in usable.candidates]
     bare = search.without_heat(alone)
-    sights = [_sight(search, linear, bare, each) for each in columns]
+    sights = _sights(search, linear, bare, columns)
     small = [
         each for each in columns
         if each.candidate.id not in SAME_AS_AN_INSTRUMENT and np.any(each.change)
@@ -392,33 +392,42 @@ def draw_sizes(
     return size, moved
 
 
-def _sight(search: Search, linear: Linear, bare: Refit, column: _Column) -> Sight:
-    """Return what tests show of an effect, by the linear evidence around the network alone.
+def _sights(search: Search, linear: Linear, bare: Refit, columns: Sequence[_Column]) -> list[Sight]:
+    """Return what tests show of effects, by the linear evidence around the network alone.
 
     Args:
         search: The network without effects, and the means to add one.
         linear: What effects do around it.
         bare: It fitted without unmodelled heat, which takes up what is slow.
-        column: The effect.
+        columns: The effects.
     """
     engine = search.engine.with_heat(no_heat(search.engine.problem))
-    candidate, own = column.candidate, list(search.own[column.candidate])
-    usual = linear.centre.z.copy()
-    usual[own] = 0.0
-    size, per_size = _size(engine, own, usual)
-    residual, slopes = engine.linearise(usual, own)
-    at_usual = (residual - linear.centre.residual) / size if size else slopes @ per_size
-    rows = engine.whiten(bare.noise, np.column_stack([bare.residual, bare.jacobian, column.change]))
+    places, sizes = [], []
+    for column in columns:
+        own = list(search.own[column.candidate])
+        usual = linear.centre.z.copy()
+        usual[own] = 0.0
+        places.append((usual, own))
+        sizes.append(_size(engine, own, usual))
     scores = bare.z[list(bare.free)]
-    one_sign = np.array([_has_one_sign(candidate)])
-    shown = np.column_stack([rows[:, 0], rows[:, 1:-1], engine.whiten(bare.noise, at_usual)])
-    square, _, mimicked = _parts(shown, scores)
-    return Sight(
-        candidate,
-        visibility=math.sqrt(square[0, 0]),
-        visible_K=engine.rms_K(at_usual + bare.jacobian @ mimicked[:, 0]),
-        log_bayes=float(_log_bayes(rows, scores, one_sign)[0]),
-    )
+    sights = []
+    for column, (size, per_size), (residual, slopes) in zip(
+        columns, sizes, engine.linearise_many(places), strict=True
+    ):
+        at_usual = (residual - linear.centre.residual) / size if size else slopes @ per_size
+        joined = np.column_stack([bare.residual, bare.jacobian, column.change, at_usual])
+        rows = engine.whiten(bare.noise, joined)
+        one_sign = np.array([_has_one_sign(column.candidate)])
+        square, _, mimicked = _parts(np.delete(rows, -2, axis=1), scores)
+        sights.append(
+            Sight(
+                column.candidate,
+                visibility=math.sqrt(square[0, 0]),
+                visible_K=engine.rms_K(at_usual + bare.jacobian @ mimicked[:, 0]),
+                log_bayes=float(_log_bayes(rows[:, :-1], scores, one_sign)[0]),
+            )
+        )
+    return sights
 
 
 def _described(

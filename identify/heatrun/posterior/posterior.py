@@ -23,8 +23,11 @@ from .weighted import LEAST_EFFECTIVE, PARETO_LIMIT, Weighted, spread
 NUM_ENSEMBLES = 2
 """Ensembles that run apart, so that they can be held against each other."""
 
-CHUNK = 125
+CHUNK = 50
 """Steps between two checkpoints, and between two looks at the convergence at first."""
+
+FEWEST = 4
+"""Chunks of an ensemble at least."""
 
 LOOK_AGAIN = 0.1
 """Growth of the ensembles between two looks [1]: a look takes the longer the more steps it sees."""
@@ -48,7 +51,7 @@ LONG = 3000
 reliable and agree with it: three tests of several loggers take 4000 and more, one test 250 to
 2500."""
 
-COMPARED = 4
+COMPARED = 10
 """Chunks after which importance samples may stand in: the walkers began at them."""
 
 NUM_KEPT = 2000
@@ -237,11 +240,11 @@ def sample(
         drop = int(BURN_IN * num_steps)
         chains = np.stack([ensemble.chain()[drop:] for ensemble in ensembles])
         convergence = judge(chains, wanted)
-        if (convergence.is_enough and num_steps >= 2 * CHUNK) or num_steps >= most_steps:
+        if (convergence.is_enough and num_steps >= FEWEST * CHUNK) or num_steps >= most_steps:
             break
         # until it is enough there is one look more at least, whatever lacks
         times = max(convergence.times_as_long, 1.0 + LOOK_AGAIN)
-        steps = max(times * num_steps, 2 * CHUNK)
+        steps = max(times * num_steps, FEWEST * CHUNK)
         steps = CHUNK * math.ceil(steps / CHUNK) if steps < most_steps else most_steps
         if COMPARED * CHUNK <= num_steps <= LONG and (followed is not None or steps > LONG):
             followed = followed or importance_sample(fit, seed=seed, linear=weighted)
