@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import threading
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from heatrun.io import programs
+from heatrun.io import ahead, programs
 from heatrun.io.caches import PROGRAM
 from heatrun.io.programs import compiled
 from heatrun.model.network_text import network_named
@@ -149,3 +150,72 @@ def test_a_program_depends_on_the_files_that_its_module_may_import():
     assert digest("lptn/effects/heat_paths.py") != as_is
     assert digest("heatrun/record/samples.py") != as_is  # a constant alone is taken from it
     assert digest("heatrun/reports/figures.py") == as_is
+
+
+@pytest.fixture
+def waiting(folder, monkeypatch):
+    """Return the state of `ahead` of a process that has asked for nothing."""
+    monkeypatch.setattr(ahead, "_asked", {})
+    monkeypatch.setattr(ahead, "_loading", {})
+    return folder
+
+
+def in_the_thread_alone(monkeypatch) -> list[Path]:
+    """Return where the paths go that a thread has read; elsewhere none is read."""
+    read, seen = programs.read, []
+
+    def told(path):
+        assert threading.current_thread().name == "programs"
+        seen.append(path)
+        return read(path)
+
+    monkeypatch.setattr(programs, "read", told)
+    return seen
+
+
+def joined() -> None:
+    for thread in threading.enumerate():
+        if thread.name == "programs":
+            thread.join()
+
+
+def test_what_a_command_has_used_is_loaded_ahead_of_the_next(waiting, monkeypatch):
+    x = np.linspace(0.0, 2.0, 5)
+    bent(Law(3), x)
+    ahead.remember("calibrate")
+    (kept,) = waiting.glob(f"*{PROGRAM}")
+    assert (waiting / "calibrate.used").read_text() == kept.name
+    programs.forget()
+    ahead.load_ahead("discover")  # of another command nothing is known
+    joined()
+    seen = in_the_thread_alone(monkeypatch)
+    ahead.load_ahead("calibrate")
+    joined()
+    assert seen == [kept]
+    np.testing.assert_array_equal(bent(Law(3), x)["values"], 2.0 * x**3)
+    assert dict(programs.COUNTS) == {"compiled": 1, "loaded": 1}
+
+
+@pytest.mark.parametrize("listed", ["../other.program", "gone.program", "no program", "\0"])
+def test_a_list_that_is_wrong_costs_nothing(waiting, listed):
+    x = np.linspace(0.0, 2.0, 5)
+    bent(Law(3), x)
+    programs.forget()
+    (waiting / "calibrate.used").write_text(listed)
+    ahead.load_ahead("calibrate")
+    joined()
+    np.testing.assert_array_equal(bent(Law(3), x)["values"], 2.0 * x**3)
+    assert dict(programs.COUNTS) == {"compiled": 1, "loaded": 1}
+
+
+def test_a_program_that_is_damaged_is_compiled_again(waiting):
+    x = np.linspace(0.0, 2.0, 5)
+    bent(Law(3), x)
+    ahead.remember("calibrate")
+    (kept,) = waiting.glob(f"*{PROGRAM}")
+    kept.write_bytes(kept.read_bytes()[:-1])
+    programs.forget()
+    ahead.load_ahead("calibrate")
+    joined()
+    np.testing.assert_array_equal(bent(Law(3), x)["values"], 2.0 * x**3)
+    assert dict(programs.COUNTS) == {"compiled": 2}

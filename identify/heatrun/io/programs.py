@@ -44,6 +44,7 @@ from jax.experimental.serialize_executable import deserialize_and_load, serializ
 from jaxtyping import Array, Float
 
 from ..errors import InputError
+from .ahead import taken
 from .caches import PROGRAM, PROGRAMS_FOLDER
 from .whole_files import whole
 
@@ -84,7 +85,7 @@ def compiled(
         names = list(signature.parameters)
         places = [place for place, name in enumerate(names) if name in static]
         jitted = jax.jit(function, static_argnames=static)
-        programs: dict[Hashable, Callable[..., Any]] = {}
+        programs: dict[Hashable, Callable[[tuple[Any, ...], list[Any]], Any]] = {}
         guard, making = threading.Lock(), dict[Hashable, threading.Lock]()
         _MADE.append(programs)
 
@@ -106,7 +107,7 @@ def compiled(
                 with mine:  # others that want the same one wait for it
                     if key not in programs:
                         programs[key] = _program(function, jitted, given, fixed, free, options)
-            return programs[key](*free)
+            return programs[key](free, leaves)
 
         return call
 
@@ -133,14 +134,17 @@ def _program(
     fixed: tuple[Any, ...],
     free: tuple[Any, ...],
     options: dict[str, int],
-) -> Callable[..., Any]:
-    """Return the program for some arguments: the one that was kept, or a new one."""
+) -> Callable[[tuple[Any, ...], list[Any]], Any]:
+    """Return the program for some arguments: the one that was kept, or a new one.
+
+    It takes the arguments that are not compiled in, and the arrays and numbers in them.
+    """
     folder = os.environ.get(PROGRAMS_FOLDER)
     path = None if not folder else _path(Path(folder), function, fixed, free)
-    found = None if path is None else _read(path, free)
+    found = None if path is None else taken(path, read)
     if found is not None:
         COUNTS["loaded"] += 1
-        return found
+        return lambda _, leaves: found(*leaves)
     program = jitted.lower(*given).compile(options)
     COUNTS["compiled"] += 1
     # what JAX has read from a cache of its own, it writes out without what the compiler made of it
@@ -151,7 +155,7 @@ def _program(
             UNKEPT.add(f"{path.parent}: {error.strerror}")
         except Exception:  # JAX cannot write out every program; this process has it all the same
             COUNTS["unwritable"] += 1
-    return program
+    return lambda free, _: program(*free)
 
 
 def _path(
@@ -293,8 +297,10 @@ def _definition(value: Any) -> str:
         raise _Nameless from error
 
 
-def _read(path: Path, free: tuple[Any, ...]) -> Callable[..., Any] | None:
-    """Return a program that was kept; None at any doubt about it."""
+def read(path: Path) -> Callable[..., Any] | None:
+    """Return a program that was kept, of the arrays and numbers alone that are its arguments; None
+    at any doubt about it.
+    """
     try:
         status = path.stat()
         is_mine = not hasattr(os, "getuid") or status.st_uid == os.getuid()
@@ -304,9 +310,9 @@ def _read(path: Path, free: tuple[Any, ...]) -> Callable[..., Any] | None:
         if hashlib.sha256(content[32:]).digest() != content[:32]:
             return None
         _know_lapack()
-        payload, skeleton = pickle.loads(content[32:])
-        tree_in, tree_out = jax.tree.structure((free, {})), jax.tree.structure(skeleton)
-        return deserialize_and_load(payload, tree_in, tree_out)
+        payload, num_leaves, skeleton = pickle.loads(content[32:])
+        tree_in = jax.tree.structure(((0,) * num_leaves, {}))
+        return deserialize_and_load(payload, tree_in, jax.tree.structure(skeleton))
     except Exception:  # what ever it is, the program can be made anew
         return None
 
@@ -320,8 +326,9 @@ def _know_lapack() -> None:
 
 
 def _write(path: Path, program: Any) -> None:
-    payload, _, tree = serialize(program)
-    body = pickle.dumps((payload, jax.tree.unflatten(tree, range(tree.num_leaves))))
+    payload, tree_in, tree = serialize(program)
+    skeleton = jax.tree.unflatten(tree, range(tree.num_leaves))
+    body = pickle.dumps((payload, tree_in.num_leaves, skeleton))
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     with whole(path) as partial:
         partial.touch(mode=0o600)  # also where files are made for a group to write

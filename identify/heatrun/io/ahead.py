@@ -1,0 +1,80 @@
+"""Compiled programs that are loaded in a thread while a command still reads its files.
+
+Each is loaded when it is first asked for, and the command waits. Those that the last run of the
+same command asked for are most likely asked for again: their names stand in a list beside them.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from .caches import PROGRAM, PROGRAMS_FOLDER
+from .whole_files import write_whole
+
+LIST = ".used"
+"""Ending of the list of the programs that a command has used."""
+
+MOST = 200
+"""Programs of a list that are loaded."""
+
+_NAME = re.compile(rf"[\w.-]+{re.escape(PROGRAM)}")
+
+_asked: dict[str, None] = {}
+_loading: dict[Path, Future[Any]] = {}
+
+
+def load_ahead(command: str) -> None:
+    """Begin to load the programs that the last run of a command has used; without any, nothing."""
+    place = _list_of(command)
+    names: list[str] = []
+    if place is not None:
+        with suppress(OSError, ValueError):
+            names = place.read_text("utf-8").split()[:MOST]
+    paths = [place.parent / name for name in names if place and _NAME.fullmatch(name)]
+    if paths:
+        _loading.update((path, Future()) for path in paths)
+        threading.Thread(target=_load, args=(paths,), name="programs").start()
+
+
+def _load(paths: list[Path]) -> None:
+    from .programs import read  # with JAX
+
+    for path in paths:
+        if not threading.main_thread().is_alive():  # the command has ended
+            return
+        future = _loading.get(path)
+        if future is not None and future.set_running_or_notify_cancel():
+            future.set_result(read(path))
+
+
+def taken(path: Path, read: Callable[[Path], Any]) -> Any:
+    """Return a program that is asked for: from the thread where that has begun with it, else as it
+    is read here; None if it cannot be had.
+    """
+    _asked[path.name] = None
+    future = _loading.pop(path, None)
+    found = None if future is None or future.cancel() else future.result()
+    return read(path) if found is None else found
+
+
+def remember(command: str) -> None:
+    """Write down which programs a command has asked for."""
+    place = _list_of(command)
+    if place is None or not _asked or not place.parent.is_dir():
+        return
+    text = "\n".join(_asked)
+    with suppress(OSError):
+        if not place.exists() or place.read_text("utf-8", errors="replace") != text:
+            write_whole(place, text.encode())
+
+
+def _list_of(command: str) -> Path | None:
+    folder = os.environ.get(PROGRAMS_FOLDER)
+    return Path(folder) / f"{command}{LIST}" if folder and command.isidentifier() else None
