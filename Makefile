@@ -45,9 +45,9 @@ check: lint types test
 bench: $(VENV)/ready
 	$(BIN)/python tests/benchmarks/run.py
 
-# What a calibration costs, by phase; WORDS="motor.toml test.csv --quick" for one of your own.
+# What commands cost, by phase; WORDS="calibrate motor.toml test.csv --quick" for one of your own.
 profile: $(VENV)/ready
-	$(BIN)/python tests/benchmarks/profile_calibrate.py $(WORDS)
+	$(BIN)/python tests/benchmarks/profile_commands.py $(WORDS)
 
 # Machines per second of a fleet.
 bench-fleet: $(VENV)/ready

@@ -1,11 +1,12 @@
-"""What a calibration costs: wall and processor time by phase, compiled programs and cache hits.
+"""What a command costs: wall and processor time by phase, compiled programs and cache hits.
 
-`python tests/benchmarks/profile_calibrate.py [WORDS OF calibrate …]` runs the command twice, each
-time in a process of its own: with an empty cache of compilations, then with what the first left.
-Without words it calibrates the bundled 90 minutes and predicts the bundled step, which is the demo.
+`python tests/benchmarks/profile_commands.py [COMMAND WORDS …]` runs the command twice, each time in
+a process of its own: with an empty cache of compilations, then with what the first left. Without
+words these are `calibrate`, the same with `--quick`, `discover --quick`, `check` and `sheet` of
+bundled tests.
 
-Networks, which the command calibrates beside each other, are calibrated in turn, so that each
-second belongs to one phase. A phase counts without the phases inside it.
+Networks, which a command calibrates beside each other, and the predictions of tests are done in
+turn here, so that each second belongs to one phase. A phase counts without the phases inside it.
 """
 
 import json
@@ -26,12 +27,20 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command sets it
 
 DATA = Path(__file__).parents[2] / "data" / "synthetic"
-DEMO = ["motor.toml", "duty_90min.csv.gz", "--holdout", "step_90min.csv.gz"]
+DUTY = ("motor.toml", "duty_90min.csv.gz")
+HIDDEN = ("motor.toml", "staircase.csv.gz", "drive_cycle.csv.gz")
 
 REST = "everything else"
 IMPORTS = "imports"
 
-PHASES = {
+OF_SHEET = {
+    "figures": "heatrun.reports.figures.drawn",
+    "figure of page 1": "heatrun.reports.of_run.drawn",
+    "typesetting": "heatrun.reports.of_run.write_pdf",
+    "workbook": "heatrun.reports.of_run.write_xlsx",
+}
+
+OF_CALIBRATION = {
     "reading and checks": "heatrun.commands.calibrate.load",
     "fit": "heatrun.calibration.fit",
     "unmodelled heat": "heatrun.calibration.holding_heat",
@@ -47,15 +56,31 @@ PHASES = {
     "reduction": "heatrun.calibration.check_reduction",
     "comparison of the networks": "heatrun.calibration.assemble",
     "writing the run": "heatrun.jobs.write_run",
-    "figures": "heatrun.reports.figures.drawn",
-    "figure of page 1": "heatrun.reports.of_run.drawn",
-    "typesetting": "heatrun.reports.of_run.write_pdf",
-    "workbook": "heatrun.reports.of_run.write_xlsx",
 }
-"""Functions of the command by what they do, at the place that they are called from."""
 
-MODULES = ("heatrun.commands.calibrate", "heatrun.jobs", "heatrun.api")
-"""What the command loads sooner or later."""
+PHASES = {
+    "calibrate": OF_CALIBRATION | OF_SHEET,
+    "discover": {
+        **OF_CALIBRATION,
+        **OF_SHEET,
+        "what is told of the search": "heatrun.jobs.tell",
+        "the network alone": "heatrun.jobs.holding_heat",
+        "prediction before": "heatrun.jobs.predict",
+        "result of the discovery": "heatrun.jobs.assemble",
+        "figures of the discovery": "heatrun.reports.discovery.draw_all",
+        "report of the discovery": "heatrun.reports.discovery.write_report",
+    },
+    "check": {
+        "reading": "heatrun.readers.joined.read_tests",
+        "checks": "heatrun.checks.check_record",
+        "what the tests suffice for": "heatrun.checks.suitability.suitability",
+    },
+    "sheet": {"reading the run": "heatrun.reports.of_run.open_run", **OF_SHEET},
+}
+"""Functions of each command by what they do, at the place that they are called from."""
+
+MODULES = ("heatrun.jobs", "heatrun.api")
+"""What a command that computes loads sooner or later."""
 
 
 @dataclass
@@ -129,22 +154,30 @@ class Profile:
             self.present.trace_s += seconds
 
 
+def in_turn(function: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
+    """Return what a function gives for each item, one after the other."""
+    return [function(each) for each in items]
+
+
 def run(words: Sequence[str], told: Path) -> int:
     """Run the command in this process and write its profile."""
-    profile = Profile()
+    profile, command = Profile(), words[0]
     with profile.phase(IMPORTS):
         from heatrun.io.caches import use_caches
 
         use_caches(lambda sentence: None)
-        for name in MODULES:
-            import_module(name)
-        from jax import monitoring
+        import_module(f"heatrun.commands.{command}")
+        if command in ("calibrate", "discover"):
+            for name in MODULES:
+                import_module(name)
+            from jax import monitoring
 
-        import heatrun.calibration
+            import heatrun.calibration
 
-        monitoring.register_event_duration_secs_listener(profile.took)
-        heatrun.calibration.beside = lambda function, items: [function(each) for each in items]
-        for phase, place in PHASES.items():
+            monitoring.register_event_duration_secs_listener(profile.took)
+            for name in ("beside", "at_once"):
+                setattr(heatrun.calibration, name, in_turn)
+        for phase, place in PHASES[command].items():
             module, name = place.rsplit(".", 1)
             holder = import_module(module)
             setattr(holder, name, profile.timed(phase, getattr(holder, name)))
@@ -168,28 +201,47 @@ def table(told: dict[str, Any]) -> str:
             f"{cost['compile_s']:.1f} | {cost['programs']} | {cost['hits']} | {cost['calls']} |"
         )
     most = Counter(told["compiled"]).most_common(12)
-    lines += ["", "Compiled most often: " + ", ".join(f"{name} ({num})" for name, num in most)]
+    if most:
+        lines += ["", "Compiled most often: " + ", ".join(f"{name} ({num})" for name, num in most)]
     return "\n".join(lines)
 
 
 def main(words: Sequence[str]) -> int:
-    """Run the command cold and warm and print both profiles."""
-    given = list(words) or [str(DATA / name) if "." in name else name for name in DEMO]
-    print(f"heatrun calibrate {' '.join(given)}; load {os.getloadavg()[0]:.1f}")
+    """Run commands cold and warm and print their profiles."""
+    print(f"load {os.getloadavg()[0]:.1f}")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        environment = {**os.environ, "XDG_CACHE_HOME": str(folder / "cache")}
-        environment.pop("JAX_COMPILATION_CACHE_DIR", None)
-        for what in ("empty cache", "cache kept"):
-            told = folder / "profile.json"
-            command = ["calibrate", *given, "--out", str(folder / "run"), "--force"]
-            begun = time.perf_counter()
-            subprocess.run(
-                [sys.executable, __file__, "--told", str(told), *command],
-                env=environment, stdout=subprocess.DEVNULL, check=True,
-            )  # fmt: skip
-            taken = time.perf_counter() - begun
-            print(f"\n## {what}: {taken:.1f} s\n\n{table(json.loads(told.read_text()))}")
+        duty = [str(DATA / each) for each in DUTY]
+        tests = [*duty, "--holdout", str(DATA / "step_90min.csv.gz")]
+        hidden = [str(DATA / "hidden_cause" / each) for each in HIDDEN]
+        hidden += ["--holdout", str(DATA / "hidden_cause" / "other_staircase.csv.gz")]
+        new = ["--out", str(folder / "run"), "--force"]
+        if words:
+            commands = [[*words, *(new if words[0] in ("calibrate", "discover") else [])]]
+        else:
+            commands = [
+                ["discover", *hidden, "--quick", *new],
+                ["calibrate", *tests, *new],
+                ["calibrate", *tests, "--quick", *new],
+                ["check", *duty],
+                ["sheet", str(folder / "run")],
+            ]
+        for number, command in enumerate(commands):
+            environment = {**os.environ, "XDG_CACHE_HOME": str(folder / f"cache_{number}")}
+            environment.pop("JAX_COMPILATION_CACHE_DIR", None)
+            shown = " ".join(command).replace(f"{folder}/", "").replace(f"{DATA}/", "")
+            print(f"\n## heatrun {shown}")
+            for what in ("empty cache", "cache kept"):
+                told = folder / "profile.json"
+                begun = time.perf_counter()
+                done = subprocess.run(
+                    [sys.executable, __file__, "--told", str(told), *command],
+                    env=environment, stdout=subprocess.DEVNULL, check=False,
+                )  # fmt: skip
+                taken = time.perf_counter() - begun
+                if done.returncode > 1:  # findings alone end with 1
+                    return done.returncode
+                print(f"\n### {what}: {taken:.1f} s\n\n{table(json.loads(told.read_text()))}")
     return 0
 
 
