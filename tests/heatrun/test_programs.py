@@ -154,10 +154,17 @@ def test_a_program_depends_on_the_files_that_its_module_may_import():
 
 @pytest.fixture
 def waiting(folder, monkeypatch):
-    """Return the state of `ahead` of a process that has asked for nothing."""
+    """Return an empty folder; the process has asked for no program."""
     monkeypatch.setattr(ahead, "_asked", {})
     monkeypatch.setattr(ahead, "_loading", {})
     return folder
+
+
+def begin_anew() -> None:
+    """Forget the programs, as in another process."""
+    programs.forget()
+    ahead._asked.clear()
+    ahead._loading.clear()
 
 
 def in_the_thread_alone(monkeypatch) -> list[Path]:
@@ -185,11 +192,13 @@ def test_what_a_command_has_used_is_loaded_ahead_of_the_next(waiting, monkeypatc
     ahead.remember("calibrate")
     (kept,) = waiting.glob(f"*{PROGRAM}")
     assert (waiting / "calibrate.used").read_text() == kept.name
-    programs.forget()
+    begin_anew()
     ahead.load_ahead("discover")  # of another command nothing is known
     joined()
     seen = in_the_thread_alone(monkeypatch)
     ahead.load_ahead("calibrate")
+    joined()
+    ahead.load_ahead("calibrate")  # another one in the same process
     joined()
     assert seen == [kept]
     np.testing.assert_array_equal(bent(Law(3), x)["values"], 2.0 * x**3)
@@ -200,7 +209,7 @@ def test_what_a_command_has_used_is_loaded_ahead_of_the_next(waiting, monkeypatc
 def test_a_list_that_is_wrong_costs_nothing(waiting, listed):
     x = np.linspace(0.0, 2.0, 5)
     bent(Law(3), x)
-    programs.forget()
+    begin_anew()
     (waiting / "calibrate.used").write_text(listed)
     ahead.load_ahead("calibrate")
     joined()
@@ -214,7 +223,7 @@ def test_a_program_that_is_damaged_is_compiled_again(waiting):
     ahead.remember("calibrate")
     (kept,) = waiting.glob(f"*{PROGRAM}")
     kept.write_bytes(kept.read_bytes()[:-1])
-    programs.forget()
+    begin_anew()
     ahead.load_ahead("calibrate")
     joined()
     np.testing.assert_array_equal(bent(Law(3), x)["values"], 2.0 * x**3)

@@ -198,11 +198,10 @@ def test_importance_samples_that_the_walkers_began_at_stand_in(short, quick, mon
 def test_importance_samples_of_another_law_do_not_stand_in(short, quick, monkeypatch):
     asked = []
     monkeypatch.setattr(sampling, "FULL", FULL._replace(size=1e6))
-    monkeypatch.setattr(sampling, "CHUNK", 50)
-    monkeypatch.setattr(sampling, "LONG", 200)
+    monkeypatch.setattr(sampling, "LONG", 500)
     monkeypatch.setattr(sampling, "importance_sample", lambda *_, **__: quick.weighted)
     monkeypatch.setattr(sampling, "is_one_law", lambda *given: asked.append(given))
-    assert sample(short, seed=2, most_steps=250).method == "emcee"
+    assert sample(short, seed=2, most_steps=550).method == "emcee"
     assert len(asked) == 1
 
 

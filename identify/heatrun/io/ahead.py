@@ -31,26 +31,28 @@ _loading: dict[Path, Future[Any]] = {}
 
 
 def load_ahead(command: str) -> None:
-    """Begin to load the programs that the last run of a command has used; without any, nothing."""
+    """Begin to load the programs that the last run of a command has used; without any, nothing.
+
+    Not where a program was asked for by now: what one command has loaded is there for the next.
+    """
     place = _list_of(command)
+    if place is None or _asked or _loading:
+        return
     names: list[str] = []
-    if place is not None:
-        with suppress(OSError, ValueError):
-            names = place.read_text("utf-8").split()[:MOST]
-    paths = [place.parent / name for name in names if place and _NAME.fullmatch(name)]
-    if paths:
-        _loading.update((path, Future()) for path in paths)
-        threading.Thread(target=_load, args=(paths,), name="programs").start()
+    with suppress(OSError, ValueError):
+        names = place.read_text("utf-8").split()[:MOST]
+    _loading.update((place.parent / name, Future()) for name in names if _NAME.fullmatch(name))
+    if _loading:
+        threading.Thread(target=_load, args=(dict(_loading),), name="programs").start()
 
 
-def _load(paths: list[Path]) -> None:
+def _load(wanted: dict[Path, Future[Any]]) -> None:
     from .programs import read  # with JAX
 
-    for path in paths:
+    for path, future in wanted.items():
         if not threading.main_thread().is_alive():  # the command has ended
             return
-        future = _loading.get(path)
-        if future is not None and future.set_running_or_notify_cancel():
+        if future.set_running_or_notify_cancel():
             future.set_result(read(path))
 
 
