@@ -13,7 +13,6 @@ from .commands import COMMANDS, all_commands
 from .commands.console import DONE, INTERRUPTED, NOT_ALLOWED, SENTENCE, WRONG_USE, ends_at_once
 from .commands.words import AnyOrder
 from .errors import InputError, UsageError, of_file
-from .io.ahead import load_ahead, remember
 from .io.caches import use_caches
 from .io.whole_files import check_stated_moment
 from .runtime import collect_garbage_seldom, one_thread_for_small_matrices, share_one_heap
@@ -47,7 +46,6 @@ def _call(options: argparse.Namespace) -> int:
     from .commands.words import cut_tests, tell_tests
 
     use_caches(say)
-    load_ahead(options.command)
     one_thread_for_small_matrices()
     collect_garbage_seldom()
     share_one_heap()
@@ -61,7 +59,6 @@ def _call(options: argparse.Namespace) -> int:
         tell_tests(options)
         cut_tests(options)
         code = int(options.run_command(options))
-        remember(options.command)
         if (programs := sys.modules.get("heatrun.io.programs")) and programs.UNKEPT:
             say(f"compiled programs cannot be kept for the next run ({programs.UNKEPT.pop()})")
         sys.stdout.flush()

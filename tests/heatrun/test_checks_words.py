@@ -1,5 +1,6 @@
 """What is said of a record fits it: its first causes, what is known and what is missing."""
 
+import argparse
 import ast
 import json
 import re
@@ -545,7 +546,8 @@ def test_check_says_plainly_that_a_section_is_for_another_test(bench, capsys):
 
 
 def test_a_command_that_fits_says_it(bench, capsys):
-    load(load_motor("motor.toml"), [bench / "duty.csv"], [], as_json=False)
+    options = argparse.Namespace(command="calibrate", json=False)
+    load(options, load_motor("motor.toml"), [bench / "duty.csv"], [])
     assert "[tests.dutty] of the motor file is for none of the tests" in capsys.readouterr().err
 
 

@@ -169,14 +169,14 @@ def begin_anew() -> None:
 
 def in_the_thread_alone(monkeypatch) -> list[Path]:
     """Return where the paths go that a thread has read; elsewhere none is read."""
-    read, seen = programs.read, []
+    executable, seen = programs.executable, []
 
     def told(path):
         assert threading.current_thread().name == "programs"
         seen.append(path)
-        return read(path)
+        return executable(path)
 
-    monkeypatch.setattr(programs, "read", told)
+    monkeypatch.setattr(programs, "executable", told)
     return seen
 
 

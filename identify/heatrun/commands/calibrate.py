@@ -91,6 +91,7 @@ def calibrate_into_folder(
         compared: How the networks compare, in sentences that follow the result.
     """
     from ..calibration import Settings
+    from ..io.ahead import remember
     from ..jobs import Place, calibrate_into
     from ..model.catalogue import known_effects
     from ..model.network_text import BUILT_IN
@@ -99,7 +100,7 @@ def calibrate_into_folder(
     from ..runs.run_folder import default_folder
 
     begun = time.monotonic()
-    tests = load(motor, calibration, holdout, as_json=options.json)
+    tests = load(options, motor, calibration, holdout)
     if tests is None:
         return NOT_ALLOWED
     names = [network.name for network in networks]
@@ -117,6 +118,7 @@ def calibrate_into_folder(
     )
     with bar() as progress:
         found, written = calibrate_into(place, motor, tests, settings, say=say, progress=progress)
+    remember(options.command)
     if options.quick and options.verbose:
         total_s, sampling_s = time.monotonic() - begun, found.sampling_s
         say(f"--quick shortens the sampling alone, here {sampling_s:.0f} of {total_s:.0f} s; the "
@@ -134,21 +136,31 @@ def calibrate_into_folder(
 
 
 def load(
-    motor: Motor, calibration: Sequence[Path], holdout: Sequence[Path], *, as_json: bool
+    options: argparse.Namespace, motor: Motor, calibration: Sequence[Path], holdout: Sequence[Path]
 ) -> tuple[BenchTest, ...] | None:
-    """Return the tests, or None after the findings that forbid them were printed."""
+    """Return the tests, or None after the findings that forbid them were printed.
+
+    Args:
+        options: With `command` and `json`.
+        motor: The motor.
+        calibration: Paths of the tests that are fitted.
+        holdout: Paths of the tests that are predicted.
+    """
     count = len(calibration) + len(holdout)
     from ..calibration import Refused, load_tests
     from ..checks.suitability import other_tests
+    from ..io.ahead import load_ahead
     from ..reports.terminal import findings_text
     from ..results import to_json
+
+    load_ahead(options.command)
 
     try:
         with bar() as progress:
             progress(f"reading {count} test{'s' if count > 1 else ''}", 0.0)
             tests = load_tests(motor, calibration, holdout)
     except Refused as refusal:
-        if as_json:
+        if options.json:
             print(to_json({"findings": refusal.findings}))
         print(findings_text(refusal.findings), file=sys.stderr)
         print("heatrun: the data do not allow a calibration.", file=sys.stderr)

@@ -99,7 +99,7 @@ def _compare_networks(options: argparse.Namespace) -> int:
         return calibrate_into_folder(
             options, motor, options.tests, options.holdout, pair, compared=_compared
         )
-    tests = load(motor, options.tests, options.holdout, as_json=options.json)
+    tests = load(options, motor, options.tests, options.holdout)
     if tests is None:
         return NOT_ALLOWED
     method, orders = "quick" if options.quick else "emcee", [form.name for form in pair]

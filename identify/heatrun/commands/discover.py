@@ -43,6 +43,7 @@ def add_parser(commands: Any) -> argparse.ArgumentParser:
 def run(options: argparse.Namespace) -> int:
     """Search, write the run folder and print the verdict."""
     from ..calibration import Settings
+    from ..io.ahead import remember
     from ..jobs import Place, discover_into
     from ..model.catalogue import all_effects, known_effects
     from ..model.network_text import network_named
@@ -59,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
     kinds = all_effects(options.effects)
     network = network_named(options.model)
     known = known_effects(motor, options.effects_known)
-    tests = load(motor, options.tests, options.holdout, as_json=options.json)
+    tests = load(options, motor, options.tests, options.holdout)
     if tests is None:
         return NOT_ALLOWED
     path = options.out or default_folder(motor, tests[0].record, "discovery")
@@ -75,6 +76,7 @@ def run(options: argparse.Namespace) -> int:
     )
     with bar() as progress:
         job = discover_into(place, motor, tests, settings, say=say, progress=progress)
+    remember(options.command)
     if options.json:
         print(to_json({**to_plain(job.result), "run": str(job.path)}))
     else:

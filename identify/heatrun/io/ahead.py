@@ -2,6 +2,8 @@
 
 Each is loaded when it is first asked for, and the command waits. Those that the last run of the
 same command asked for are most likely asked for again: their names stand in a list beside them.
+
+The thread imports nothing: two threads that import NumPy at once each get a part of it.
 """
 
 from __future__ import annotations
@@ -13,10 +15,12 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from .caches import PROGRAM, PROGRAMS_FOLDER
 from .whole_files import write_whole
+
+T = TypeVar("T")
 
 LIST = ".used"
 """Ending of the list of the programs that a command has used."""
@@ -34,7 +38,10 @@ def load_ahead(command: str) -> None:
     """Begin to load the programs that the last run of a command has used; without any, nothing.
 
     Not where a program was asked for by now: what one command has loaded is there for the next.
+    To be called when all is imported.
     """
+    from .programs import executable  # with JAX
+
     place = _list_of(command)
     if place is None or _asked or _loading:
         return
@@ -43,27 +50,22 @@ def load_ahead(command: str) -> None:
         names = place.read_text("utf-8").split()[:MOST]
     _loading.update((place.parent / name, Future()) for name in names if _NAME.fullmatch(name))
     if _loading:
-        threading.Thread(target=_load, args=(dict(_loading),), name="programs").start()
+        threading.Thread(target=_load, args=(dict(_loading), executable), name="programs").start()
 
 
-def _load(wanted: dict[Path, Future[Any]]) -> None:
-    from .programs import read  # with JAX
-
+def _load(wanted: dict[Path, Future[Any]], executable: Callable[[Path], Any]) -> None:
     for path, future in wanted.items():
         if not threading.main_thread().is_alive():  # the command has ended
             return
         if future.set_running_or_notify_cancel():
-            future.set_result(read(path))
+            future.set_result(executable(path))
 
 
-def taken(path: Path, read: Callable[[Path], Any]) -> Any:
-    """Return a program that is asked for: from the thread where that has begun with it, else as it
-    is read here; None if it cannot be had.
-    """
+def taken(path: Path, executable: Callable[[Path], T]) -> T:
+    """Return what is asked for: from the thread where that has begun with it, else read here."""
     _asked[path.name] = None
     future = _loading.pop(path, None)
-    found = None if future is None or future.cancel() else future.result()
-    return read(path) if found is None else found
+    return executable(path) if future is None or future.cancel() else future.result()
 
 
 def remember(command: str) -> None:

@@ -141,10 +141,10 @@ def _program(
     """
     folder = os.environ.get(PROGRAMS_FOLDER)
     path = None if not folder else _path(Path(folder), function, fixed, free)
-    found = None if path is None else taken(path, read)
+    found = None if path is None else _read(path)
     if found is not None:
         COUNTS["loaded"] += 1
-        return lambda _, leaves: found(*leaves)
+        return found
     program = jitted.lower(*given).compile(options)
     COUNTS["compiled"] += 1
     # what JAX has read from a cache of its own, it writes out without what the compiler made of it
@@ -297,9 +297,24 @@ def _definition(value: Any) -> str:
         raise _Nameless from error
 
 
-def read(path: Path) -> Callable[..., Any] | None:
-    """Return a program that was kept, of the arrays and numbers alone that are its arguments; None
-    at any doubt about it.
+def _read(path: Path) -> Callable[[tuple[Any, ...], list[Any]], Any] | None:
+    """Return a program that was kept; None at any doubt about it."""
+    found = taken(path, executable)
+    if found is None:
+        return None
+    run, skeleton = found
+    try:
+        tree = jax.tree.structure(pickle.loads(skeleton))
+    except Exception:  # what ever it is, the program can be made anew
+        return None
+    return lambda _, leaves: jax.tree.unflatten(tree, run(*leaves))
+
+
+def executable(path: Path) -> tuple[Callable[..., list[Any]], bytes] | None:
+    """Return what was compiled, of the arrays and numbers alone that go in and come out, and a
+    pickle of what comes out with numbers in their places; None at any doubt about it.
+
+    Nothing is imported.
     """
     try:
         status = path.stat()
@@ -310,10 +325,10 @@ def read(path: Path) -> Callable[..., Any] | None:
         if hashlib.sha256(content[32:]).digest() != content[:32]:
             return None
         _know_lapack()
-        payload, num_leaves, skeleton = pickle.loads(content[32:])
-        tree_in = jax.tree.structure(((0,) * num_leaves, {}))
-        return deserialize_and_load(payload, tree_in, jax.tree.structure(skeleton))
-    except Exception:  # what ever it is, the program can be made anew
+        payload, num_in, num_out, skeleton = pickle.loads(content[32:])
+        tree_in = jax.tree.structure(((0,) * num_in, {}))
+        return deserialize_and_load(payload, tree_in, jax.tree.structure([0] * num_out)), skeleton
+    except Exception:  # likewise
         return None
 
 
@@ -327,8 +342,8 @@ def _know_lapack() -> None:
 
 def _write(path: Path, program: Any) -> None:
     payload, tree_in, tree = serialize(program)
-    skeleton = jax.tree.unflatten(tree, range(tree.num_leaves))
-    body = pickle.dumps((payload, tree_in.num_leaves, skeleton))
+    skeleton = pickle.dumps(jax.tree.unflatten(tree, range(tree.num_leaves)))
+    body = pickle.dumps((payload, tree_in.num_leaves, tree.num_leaves, skeleton))
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     with whole(path) as partial:
         partial.touch(mode=0o600)  # also where files are made for a group to write
