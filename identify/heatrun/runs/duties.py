@@ -114,7 +114,7 @@ SAME_SHAPE = 4
 """Duties are filled up to a multiple of so many phases."""
 
 STEPS_PER_TIME_CONSTANT = 10
-"""Steps over the shortest time constant [1]: the third-order steps then err by 4e-5 of a change."""
+"""Steps over the shortest time constant of the median draw [1]."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ class Rated:
         return Sample(
             values={name: draws[picked] for name, draws in self.draw_values.values.items()},
             other=np.asarray(self.drawn.other)[picked],
-            longest_s=float(np.min(self.times[picked])) / STEPS_PER_TIME_CONSTANT,
+            longest_s=float(np.median(self.times[picked, 0])) / STEPS_PER_TIME_CONSTANT,
             cold={node: np.full(picked.size, self.seen.sink_degC)
                   for node in self.draw_values.model.form.nodes},
         )  # fmt: skip
