@@ -15,7 +15,12 @@ from .commands.words import AnyOrder
 from .errors import InputError, UsageError, of_file
 from .io.caches import use_caches
 from .io.whole_files import check_stated_moment
-from .runtime import collect_garbage_seldom, one_thread_for_small_matrices, share_one_heap
+from .runtime import (
+    collect_garbage_seldom,
+    leave_garbage_at_the_end,
+    one_thread_for_small_matrices,
+    share_one_heap,
+)
 from .version import __version__
 
 
@@ -36,6 +41,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # a command that serves until it is stopped says `set_defaults(handles_interrupt=True)`
     handles_interrupt = getattr(options, "handles_interrupt", False)
     is_last = arguments is None
+    if is_last:
+        leave_garbage_at_the_end()
     with nullcontext() if handles_interrupt else ends_at_once(is_last=is_last):
         return _call(options)
 

@@ -61,13 +61,16 @@ def one_thread_for_small_matrices() -> None:
 
 
 def collect_garbage_seldom() -> None:
-    """Let Python look for cycles less often, and not at its end; for commands.
+    """Let Python look for cycles less often; for commands.
 
     A full collection visits the million objects of JAX, pandas and matplotlib, and a calibration
-    met 30 of them: a second of ten, and half a second more when all was said and written. What is
-    large here is freed without it.
+    met 30 of them: a second of ten. What is large here is freed without it.
     """
     gc.set_threshold(50_000, 20, 50)
+
+
+def leave_garbage_at_the_end() -> None:
+    """Let a process that ends with its command not look for cycles then: half a second more."""
     atexit.register(gc.freeze)
 
 

@@ -80,7 +80,7 @@ when a network is said to stay below the limit: a node that is hotter warms its 
 less than it is hotter itself, or little more where the resistance R(T) feeds it."""
 
 MOST_STEPS = 2000
-"""Steps after which an answer is given up: time has long left all numbers."""
+"""Steps after which an answer is given up: time has grown by a factor of 10^58."""
 
 NUM_HALVINGS = 60
 """Halvings of the last step: to the last digit of a float64."""
