@@ -193,12 +193,12 @@ def test_what_a_command_has_used_is_loaded_ahead_of_the_next(waiting, monkeypatc
     (kept,) = waiting.glob(f"*{PROGRAM}")
     assert (waiting / "calibrate.used").read_text() == kept.name
     begin_anew()
-    ahead.load_ahead("discover")  # of another command nothing is known
+    ahead.load_ahead("discover", programs.executable)  # of another command nothing is known
     joined()
     seen = in_the_thread_alone(monkeypatch)
-    ahead.load_ahead("calibrate")
+    ahead.load_ahead("calibrate", programs.executable)
     joined()
-    ahead.load_ahead("calibrate")  # another one in the same process
+    ahead.load_ahead("calibrate", programs.executable)  # another one in the same process
     joined()
     assert seen == [kept]
     np.testing.assert_array_equal(bent(Law(3), x)["values"], 2.0 * x**3)
@@ -211,7 +211,7 @@ def test_a_list_that_is_wrong_costs_nothing(waiting, listed):
     bent(Law(3), x)
     begin_anew()
     (waiting / "calibrate.used").write_text(listed)
-    ahead.load_ahead("calibrate")
+    ahead.load_ahead("calibrate", programs.executable)
     joined()
     np.testing.assert_array_equal(bent(Law(3), x)["values"], 2.0 * x**3)
     assert dict(programs.COUNTS) == {"compiled": 1, "loaded": 1}
@@ -224,7 +224,7 @@ def test_a_program_that_is_damaged_is_compiled_again(waiting):
     (kept,) = waiting.glob(f"*{PROGRAM}")
     kept.write_bytes(kept.read_bytes()[:-1])
     begin_anew()
-    ahead.load_ahead("calibrate")
+    ahead.load_ahead("calibrate", programs.executable)
     joined()
     np.testing.assert_array_equal(bent(Law(3), x)["values"], 2.0 * x**3)
     assert dict(programs.COUNTS) == {"compiled": 2}

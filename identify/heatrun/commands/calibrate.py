@@ -150,11 +150,11 @@ def load(
     from ..calibration import Refused, load_tests
     from ..checks.suitability import other_tests
     from ..io.ahead import load_ahead
+    from ..io.programs import executable
     from ..reports.terminal import findings_text
     from ..results import to_json
 
-    load_ahead(options.command)
-
+    load_ahead(options.command, executable)
     try:
         with bar() as progress:
             progress(f"reading {count} test{'s' if count > 1 else ''}", 0.0)

@@ -34,14 +34,16 @@ _asked: dict[str, None] = {}
 _loading: dict[Path, Future[Any]] = {}
 
 
-def load_ahead(command: str) -> None:
+def load_ahead(command: str, executable: Callable[[Path], Any]) -> None:
     """Begin to load the programs that the last run of a command has used; without any, nothing.
 
     Not where a program was asked for by now: what one command has loaded is there for the next.
     To be called when all is imported.
-    """
-    from .programs import executable  # with JAX
 
+    Args:
+        command: Its name.
+        executable: Reads a program, as `heatrun.io.programs.executable`.
+    """
     place = _list_of(command)
     if place is None or _asked or _loading:
         return
